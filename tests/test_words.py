@@ -100,3 +100,21 @@ def test_files_that_pages_and_comments_name_are_there():
         if name not in ends
     ]
     assert not found, "\n".join(found)
+
+
+# Commands, verbs and nouns with the ending of a participle.
+NO_PARTICIPLES = {"confined", "compositing", "ring", "leading", "feed", "led", "rating", "heading"}
+NO_PARTICIPLES |= {"sampling", "spacing"}
+PARTICIPLE = re.compile(r"_*([a-z]+(?:ed|ing)|seen|made|held|kept|lit|shown|drawn|known|given)")
+
+
+def test_functions_of_modules_are_no_participles():
+    """A function's name says what it does or returns, as `normalise` or `covered_pixels`."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}"
+        for path in MODULES
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and PARTICIPLE.fullmatch(node.name)
+        if node.name.strip("_") not in NO_PARTICIPLES
+    ]
+    assert not found, "\n".join(found)

@@ -74,12 +74,12 @@ from volspec.settings import (
     FLAT,
     default_of,
     descriptions,
-    expected,
     file_keys,
     hints,
     is_settings,
     metadata,
     plain,
+    words_for,
 )
 from volspec.volume.formats import FORMATS, SLICES
 
@@ -212,7 +212,7 @@ def _row(cls: Any, name: str, note: str = "") -> str:
         shown = ""
     else:
         shown = f"`{' '.join(toml_text(plain(default)).split())}`"
-    values = expected(hints(cls)[name]).removesuffix(", or leave it out")
+    values = words_for(hints(cls)[name]).removesuffix(", or leave it out")
     return f"| `{name}` | {_text(values)} | {shown} | {_text(descriptions(cls)[name])}{note} |"
 
 

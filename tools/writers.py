@@ -68,8 +68,9 @@ Edit = Callable[[ViewState], ViewState | Edited]
 SIZE = 64, 48
 BARS = 47  # the menu and the status line, in pixels
 MAX_CODES = 2
-# Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py).
-MAX_LENS_CODES = 12
+# Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py),
+# and more at single pixels on the edges of meshes; one code in the mean.
+MAX_LENS_CODES = 32
 # Of a page's pixels, those at the border of the gamut, where a mark is there or not: its
 # coefficients have fewer bits.
 MAX_AT_BORDER = 1e-3
@@ -562,8 +563,9 @@ def tried(
         assert codes.shape == wanted.shape, (name, codes.shape, wanted.shape)
         lens = name == "page" and focused_depth(state).focus_mm is not None
         pair = name in ("S", "session", "film") and shown_stereo(state) == "side-by-side"
-        most = MAX_LENS_CODES if lens else MAX_PAIR_CODES if pair else MAX_CODES
         off = np.sort(abs(codes - wanted).max(-1), axis=None)
+        lens = lens and bool(off.mean() <= 1)
+        most = MAX_LENS_CODES if lens else MAX_PAIR_CODES if pair else MAX_CODES
         if name == "page" and state.relight.viewing.display.mark:
             off = off[: -int(MAX_AT_BORDER * off.size)]
         found[name] = Cell(int(off[-1]), words, most)

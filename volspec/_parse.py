@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 from volspec._confine import require_inside
 from volspec._files import nearest_file
-from volspec.errors import InputError, quoted
+from volspec.errors import InputError, quote
 
 MAX_LEVELS = 64
 """Greatest nesting of lists and tables in a file; volspec's own have up to ten."""
@@ -41,12 +41,12 @@ def parse_json(text: Any) -> Any:
     """
     if not isinstance(text, str):
         raise ValueError(f"expected text, got {type(text).__name__}")
-    return _checked(json.loads, text)
+    return _parse_bounded(json.loads, text)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text; raises as `parse_json`."""
-    tables: dict[str, Any] = _checked(tomllib.loads, text)
+    tables: dict[str, Any] = _parse_bounded(tomllib.loads, text)
     return tables
 
 
@@ -77,7 +77,7 @@ def toml_remedy(error: ValueError, text: str) -> str:
     word = re.search(r"(\w+\s*=\s*)([A-Za-z#/.][^\"'{}\[\],=]*)$", line)
     if word:
         return f'put text in quotes: {word[1]}"{word[2].strip()}"'
-    return f"correct this line: {quoted(line, 60)}"
+    return f"correct this line: {quote(line, 60)}"
 
 
 class _NoEntities(ElementTree.TreeBuilder):
@@ -130,7 +130,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], kind: str) 
         raise error(f"{name!r} is not a path; give {kind}", code="syntax") from None
 
 
-def _checked(parse: Callable[[str], Any], text: str) -> Any:
+def _parse_bounded(parse: Callable[[str], Any], text: str) -> Any:
     try:
         value = parse(text)
     except RecursionError:
@@ -153,5 +153,5 @@ def _children(container: Any) -> list[Any]:
         if isinstance(value, dict | list):
             children.append(value)
         elif isinstance(value, int) and value not in _INTEGERS:
-            raise ValueError(f"{quoted(value)} is beyond 64 bits; write it as 1e30, say")
+            raise ValueError(f"{quote(value)} is beyond 64 bits; write it as 1e30, say")
     return children

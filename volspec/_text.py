@@ -104,10 +104,10 @@ class TextLine:
             runs = runs if side == "L" else runs[::-1]
         placed, x = [], 0.0
         for letters, path in runs:
-            font = _sized(path, max(size, 1))
+            font = _load_font(path, max(size, 1))
             placed.append((x, letters, font))
             x += font.getlength(letters, direction=direction)
-        ascent, descent = _sized(_default_font(), max(size, 1)).getmetrics()
+        ascent, descent = _load_font(_default_font(), max(size, 1)).getmetrics()
         return cls(tuple(placed), x, ascent, ascent + descent, direction)
 
     def box(self, outline: int = 0) -> tuple[int, int, int, int]:
@@ -186,13 +186,13 @@ def _default_font() -> Path:
 
 def _has(font: Path, letter: str) -> bool:
     """Return True if a font has a letter and its marks; a font of last resort has none."""
-    opened = _opened(font)
+    opened = _open_font(font)
     signs = (c for c in letter if c not in _SELECTORS)
     return opened is not None and all(opened.get_char_index(ord(c)) for c in signs)
 
 
 @lru_cache(maxsize=16)
-def _opened(font: Path) -> Any:
+def _open_font(font: Path) -> Any:
     """Return a font's table of letters; None if it cannot be drawn in any size."""
     from matplotlib.ft2font import FT2Font
 
@@ -205,7 +205,7 @@ def _opened(font: Path) -> Any:
 
 
 @lru_cache(maxsize=32)
-def _sized(font: Path, size: int) -> FreeTypeFont:
+def _load_font(font: Path, size: int) -> FreeTypeFont:
     from PIL import ImageFont
 
     return ImageFont.truetype(font, size)

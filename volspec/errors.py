@@ -96,7 +96,7 @@ class VolspecError(Exception):
         if not self.problem and not self.field:
             return self.remedy
         if not self.problem:
-            text = f"{self.field} is {quoted(self.given, 60)}"
+            text = f"{self.field} is {quote(self.given, 60)}"
         else:
             text = f"{self.field}: {self.problem}" if self.field else self.problem
         return f"{text}; {self.remedy}" if self.remedy else text
@@ -244,10 +244,10 @@ def one_line(message: object) -> str:
     return text or (type(message).__name__ if isinstance(message, BaseException) else "")
 
 
-def quoted(value: object, length: int = 40) -> str:
+def quote(value: object, length: int = 40) -> str:
     """Return the ``repr`` of a value for a message: in one line, shortened if it is long.
 
-    >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
+    >>> quote("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
     """
     if getattr(value, "shape", None) == ():  # a NumPy scalar

@@ -374,12 +374,12 @@ def _number_marks(hint: Any) -> list[Any]:
 _NUMBER_WORDS = {2: "two", 3: "three", 4: "four"}
 
 
-def expected(hint: Any) -> str:
+def words_for(hint: Any) -> str:
     """Describe the values that an annotation accepts, in words.
 
-    >>> expected(Annotated[float, Field(gt=0, le=9), Unit("mm")] | None)
+    >>> words_for(Annotated[float, Field(gt=0, le=9), Unit("mm")] | None)
     'a number above 0, up to 9 (mm), or leave it out'
-    >>> expected(Literal["clip", "reduce"] | Fraction)
+    >>> words_for(Literal["clip", "reduce"] | Fraction)
     'clip, reduce or a number from 0 to 1'
     """
     marks = metadata(hint)
@@ -394,14 +394,14 @@ def expected(hint: Any) -> str:
         parts = get_args(base)
         words = [word for part in parts if part is not type(None) for word in _words_of(part)]
         optional = ", or leave it out" if type(None) in parts else ""
-        return _listed(words) + added + optional
-    return _listed(_words_of(base, marks)) + added
+        return _join_words(words) + added + optional
+    return _join_words(_words_of(base, marks)) + added
 
 
 def _words_of(hint: Any, marks: Sequence[Any] = ()) -> list[str]:
     if get_origin(hint) is Annotated and not marks:
         base = get_args(hint)[0]
-        return _words_of(base) if get_origin(base) is Literal else [expected(hint)]
+        return _words_of(base) if get_origin(base) is Literal else [words_for(hint)]
     inner = get_args(hint)
     if get_origin(hint) is Literal:
         return [str(word) for word in inner]
@@ -443,7 +443,7 @@ def _range(marks: Sequence[Any]) -> str:
     return f"{start},{end}" if start and end else start + end
 
 
-def _listed(words: Sequence[str]) -> str:
+def _join_words(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
@@ -613,7 +613,7 @@ class _Fault:
             few, ends = kind == "too_short", self.account["ctx"]
             count = f"at least {ends['min_length']}" if few else f"up to {ends['max_length']}"
             return "", f"give {count}", "missing" if few else "size"
-        description = expected(self.hint)
+        description = words_for(self.hint)
         for cls in () if in_python else classes_in(self.hint):
             description = description.replace(f"a {cls.__name__}", "a table, { key = value, … }")
         if kind == "finite_number":

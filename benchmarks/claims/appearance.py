@@ -226,7 +226,7 @@ def round_trips() -> Figures:
         XYZ = colours(conditions.white_XYZ)
         for name, each in APPEARANCE_MODELS.items():
             seen = each.forward(XYZ, conditions)
-            back = each.continued(seen.J, seen.C, seen.h, conditions)
+            back = each.invert_beyond(seen.J, seen.C, seen.h, conditions)
             worst[name] = max(worst[name], float(apart(back, XYZ).max()))
     closed = max(worst.pop(n) for n in ("CIECAM02", "CAM16", "CIELAB", "RLAB", "Hellwig2022"))
     return [closed, *worst.values()]

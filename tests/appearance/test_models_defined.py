@@ -111,7 +111,7 @@ def test_inverse_is_the_continued_one_where_forward_is_defined(name):
     conditions, model = CONDITIONS["room under A"], APPEARANCE_MODELS[name]
     XYZ = everything(conditions)
     seen = model.forward(XYZ, conditions)
-    back, on = (f(seen.J, seen.C, seen.h, conditions) for f in (model.inverse, model.continued))
+    back, on = (f(seen.J, seen.C, seen.h, conditions) for f in (model.inverse, model.invert_beyond))
     np.testing.assert_array_equal(back[seen.defined], on[seen.defined])
     beyond = ~seen.defined & (apart(on, XYZ) < 1e-9)
     assert np.isnan(back[beyond]).all()

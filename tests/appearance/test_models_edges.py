@@ -45,7 +45,7 @@ def test_inverse_gives_numbers_or_nan_and_no_warning(name):
     for conditions in ENDS.values():
         lightness = [-5.0, 0.0, 1e-9, 30.0, 100.0, 250.0]
         J, C, h = np.meshgrid(lightness, [0.0, 1.0, 300.0], [0.0, 200.0])
-        for backwards in (APPEARANCE_MODELS[name].inverse, APPEARANCE_MODELS[name].continued):
+        for backwards in (APPEARANCE_MODELS[name].inverse, APPEARANCE_MODELS[name].invert_beyond):
             back = backwards(J, C, h, conditions)
             assert not np.isinf(back).any()
             assert (np.isnan(back).all(axis=-1) == np.isnan(back).any(axis=-1)).all()

@@ -23,7 +23,7 @@ def test_continued_undoes_forward_up_to_the_spectral_locus(name):
         lasers = [] if name == "CIECAM02" else [spectral_mixtures()]
         XYZ = np.concatenate([colours(conditions.white_XYZ, 3000), *lasers])
         seen = model.forward(XYZ, conditions)
-        error = apart(model.continued(seen.J, seen.C, seen.h, conditions), XYZ)
+        error = apart(model.invert_beyond(seen.J, seen.C, seen.h, conditions), XYZ)
         i = int(np.argmax(error))
         # Digits lost to the opponent sums and powers; measured below 2e-10.
         assert error[i] <= 1e-9, (name, where, XYZ[i], error[i])
@@ -82,7 +82,7 @@ def test_models_with_settings_go_both_ways(each, settings):
     for conditions in CONDITIONS.values():
         XYZ = colours(conditions.white_XYZ, count=500)[:-1]
         seen = each.forward(XYZ, conditions, settings)
-        back = each.continued(seen.J, seen.C, seen.h, conditions, settings)
+        back = each.invert_beyond(seen.J, seen.C, seen.h, conditions, settings)
         assert apart(back, XYZ).max() <= 1e-9
 
 
@@ -131,7 +131,7 @@ def test_every_finite_colour_has_a_finite_one_on_every_display(each, where):
 def test_what_the_inverse_knows_is_not_touched(name):
     model = APPEARANCE_MODELS[name]
     seen = model.forward(colours(D65, 500), SCENE)
-    plain = model.continued(seen.J, seen.C, seen.h, SCENE)
+    plain = model.invert_beyond(seen.J, seen.C, seen.h, SCENE)
     near = nearest_inverse(model, seen.J, seen.C, seen.h, SCENE)
     np.testing.assert_array_equal(near, plain)
     one = nearest_inverse(model, seen.J[3], seen.C[3], seen.h[3], SCENE)
@@ -155,7 +155,7 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
 
     transform = ModelTransform(hunt, hunt.forward, SCENE, DIM)
     seen = hunt.forward(ramps(2001), SCENE)
-    known = np.isfinite(hunt.continued(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
+    known = np.isfinite(hunt.invert_beyond(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
     assert not known.all(axis=1).any() and known.any(axis=1).all()
     coarse, fine = (largest_step(transform.apply(ramps(n))) for n in (2001, 16001))
     # Eight times as many steps, of a fifth; jumps would stay. By black one of L* .2 does.

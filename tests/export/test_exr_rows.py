@@ -71,7 +71,7 @@ def test_rows_may_come_in_any_pieces(tmp_path):
 def test_blocks_stand_in_their_order_whichever_is_packed_first(tmp_path, monkeypatch):
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
-    whole, packed = exr_bytes(pixels, header), exr._compressed
+    whole, packed = exr_bytes(pixels, header), exr._compress_block
     calls, others = count(), Event()
 
     def first_is_last(plain: bytes) -> bytes:
@@ -81,7 +81,7 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(tmp_path, monkeyp
             others.set()
         return packed(plain)
 
-    monkeypatch.setattr(exr, "_compressed", first_is_last)
+    monkeypatch.setattr(exr, "_compress_block", first_is_last)
     with exr_file(tmp_path / "a.exr", header, threads=4) as file:
         file.rows(pixels)
     assert (tmp_path / "a.exr").read_bytes() == whole

@@ -20,7 +20,7 @@ from volspec.room.walls import Placement, ShadowMap
 from volspec.scene import Scene
 from volspec.scene.file import scene_data, scene_file
 from volspec.scene.room import _digest
-from volspec.scene.writing import rebased
+from volspec.scene.writing import rebase_scene
 
 ROOM = """
 title = "A room"
@@ -278,7 +278,7 @@ def test_shadows_change_with_what_is_opaque(scene):
 
 def test_its_paths_follow_the_scene_to_another_folder(folder, tmp_path):
     path = edited(folder, "patches = 300", 'paint = { walls = "#4060c0", floor = "own.csv" }')
-    moved = rebased(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room
+    moved = rebase_scene(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room
     assert moved is not None
     assert (tmp_path / moved.file).resolve() == (folder / "room.toml").resolve()
     assert moved.paint["walls"] == "#4060c0"

@@ -17,7 +17,7 @@ from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene
 from volspec.scene.file import scene_file
 from volspec.scene.tables.specs import CameraSpec
-from volspec.scene.writing import rebased
+from volspec.scene.writing import rebase_scene
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data" / "scenes").glob("*.toml"))
 
@@ -200,7 +200,7 @@ def test_a_scene_that_ships_is_written_as_it_stands(tmp_path, shipped):
     again = write_scene(like.file, copied.with_name("again.toml"), like)
     assert again.read_bytes() == shipped.read_bytes()
     away = write_scene(like.file, tmp_path / "a" / "b" / "away.toml", like)
-    assert rebased(read(away), away.parent, copied) == like.file
+    assert rebase_scene(read(away), away.parent, copied) == like.file
     assert comments(away.read_text("utf-8")) == comments(shipped.read_text("utf-8"))
     assert lines(away)[0] == "#:schema ../../scenes/scene.schema.json"
     assert read(write_scene(like.file, tmp_path / "again.toml")) == like.file

@@ -77,7 +77,7 @@ def opened(folder: Path) -> ViewState:
 
 
 def frame(state: ViewState) -> NDArray[np.int_]:
-    return frame_of(edits.solved(state))
+    return frame_of(edits.solve_radiosity(state))
 
 
 def painted(state: ViewState, surface: str, text: str) -> ViewState:
@@ -172,7 +172,7 @@ def test_the_panel_shows_paints_as_the_picture_does(opened):
 
 def test_undo_and_reset(opened):
     new = painted(opened, "walls", "#c04030")
-    history = History(opened).then(new, 1).amend(edits.solved(new))
+    history = History(opened).then(new, 1).amend(edits.solve_radiosity(new))
     assert (history.difference.stage, history.difference.name) == ("relight", "paint")
     assert history.undo().present.room is opened.room
     assert history.undo().redo().present.room is history.present.room
@@ -195,7 +195,7 @@ def test_a_saved_scene_opens_to_the_same_picture(opened, folder):
 
 
 def test_a_session_keeps_paints(opened, folder):
-    new = edits.solved(painted(opened, "ceiling", "ColorChecker/blue"))
+    new = edits.solve_radiosity(painted(opened, "ceiling", "ColorChecker/blue"))
     again = restored(new, folder)
     assert again.room.spec.paint == {"ceiling": "ColorChecker/blue"}
     assert again.document.room.spec.paint == {}

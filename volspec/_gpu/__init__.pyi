@@ -11,7 +11,7 @@ from .opencl import Compute as Compute
 from .opengl import (
     Allocation as Allocation,
     ContextLost as ContextLost,
-    abandoned as abandoned,
+    abandoned_queue as abandoned_queue,
     compile_program as compile_program,
     describe as describe,
     egl_handle as egl_handle,

@@ -34,7 +34,7 @@ from volspec._cache import cache_rows, cached_rows
 from volspec._child import child_command, exit_cause, require_own_process
 from volspec._extras import install_command
 from volspec._files import ensure_writable_caches, write_fault
-from volspec.errors import OpenCLError, nearest, one_line, quoted
+from volspec.errors import OpenCLError, nearest, one_line, quote
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -151,7 +151,7 @@ def choose_device(name: str | None = None) -> int:
         names = [n for device in infos for n in (device.name, device.platform)]
         listing = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(infos))
         raise OpenCLError(
-            f"no OpenCL device is named {quoted(pattern)}{source}; known: {listing}",
+            f"no OpenCL device is named {quote(pattern)}{source}; known: {listing}",
             f"{nearest(pattern[:99], names)}give part of a name or a number, such as 0"
             + ("" if name else f", or unset {DEVICE_VARIABLE}"),
             code="unknown",

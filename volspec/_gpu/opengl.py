@@ -118,7 +118,7 @@ class Allocation:
 
 
 @cache
-def abandoned() -> deque[Allocation]:
+def abandoned_queue() -> deque[Allocation]:
     """Return what garbage collection leaves to `release_abandoned`.
 
     It runs on any thread, in the middle of calls to other contexts.
@@ -127,8 +127,8 @@ def abandoned() -> deque[Allocation]:
 
 
 def release_abandoned(context: moderngl.Context | None = None) -> None:
-    """Release what is `abandoned` in our own contexts, and in one lent on this thread."""
-    for _ in range(len(waiting := abandoned())):
+    """Release what is `abandoned_queue` in our own contexts, and in one lent on this thread."""
+    for _ in range(len(waiting := abandoned_queue())):
         with suppress(IndexError):  # taken by another thread
             allocation = waiting.popleft()
             if allocation.lent and allocation.context is not context:

@@ -35,7 +35,7 @@ from volspec.appearance.surround import (
     surround_at,
 )
 from volspec.errors import ViewingError
-from volspec.settings import Fraction, Hint, Unit, expected, settings
+from volspec.settings import Fraction, Hint, Unit, settings, words_for
 
 __all__ = [
     "ADAPTING",
@@ -235,4 +235,4 @@ def require_angle(name: str, value: float) -> None:
     """Raise ViewingError unless the value is a field of view."""
     low, high = FIELDS_OF_VIEW_DEG
     if not low <= value <= high:
-        raise ViewingError.refused(name, value, f"give {expected(FieldOfView)}", "range")
+        raise ViewingError.refused(name, value, f"give {words_for(FieldOfView)}", "range")

@@ -20,7 +20,16 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from volspec.errors import ViewingError, nearest
-from volspec.settings import Fraction, Hint, NotNegative, Positive, Unit, Vector, expected, settings
+from volspec.settings import (
+    Fraction,
+    Hint,
+    NotNegative,
+    Positive,
+    Unit,
+    Vector,
+    settings,
+    words_for,
+)
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -92,7 +101,7 @@ def surround_at(surround: SurroundOrRatio) -> Surround:
     except ValidationError:
         guess = nearest(surround, SURROUNDS) if isinstance(surround, str) else ""
         raise ViewingError.refused(
-            "surround", surround, f"{guess}give {expected(SurroundOrRatio)}", "unknown"
+            "surround", surround, f"{guess}give {words_for(SurroundOrRatio)}", "unknown"
         ) from None
     F, c, N_c = (round(float(factor), 12) for factor in surrounds_at(ratio))
     return Surround(F, c, N_c)
@@ -179,7 +188,7 @@ class ViewingConditions:
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **fields: Any) -> ViewingConditions:
         """Make the conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
         if not (math.isfinite(illuminance_lux) and illuminance_lux > 0.0):
-            remedy = f"give {expected(Illuminance)}"
+            remedy = f"give {words_for(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")
         dark = cls(white_XYZ, 0.0, **fields, white_cd_m2=illuminance_lux / math.pi)
         return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])

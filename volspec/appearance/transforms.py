@@ -50,7 +50,7 @@ def signed_power(values: ArrayLike, exponent: ArrayLike) -> Array:
     return np.asarray(np.copysign(np.abs(x) ** p, x), dtype=np.float64)
 
 
-def _inverted(matrix: Array) -> Array:
+def _invert_matrix(matrix: Array) -> Array:
     try:
         return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     except np.linalg.LinAlgError as error:
@@ -73,7 +73,7 @@ class LinearTransform:
 
     def undo(self, XYZ: ArrayLike) -> Array:
         """Return the (..., 3) XYZ that `apply` maps to the given XYZ."""
-        return triples("adaptation.XYZ", XYZ) @ _inverted(self.matrix).T
+        return triples("adaptation.XYZ", XYZ) @ _invert_matrix(self.matrix).T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +101,7 @@ class CurveTransform:
 
     def undo(self, XYZ: ArrayLike) -> Array:
         """Return the (..., 3) XYZ that `apply` maps to the given XYZ."""
-        r = triples("adaptation.XYZ", XYZ) @ _inverted(self.XYZ_from_response).T
+        r = triples("adaptation.XYZ", XYZ) @ _invert_matrix(self.XYZ_from_response).T
         inner = (signed_power(r, 1.0 / self.outer) - self.offset) / self.gain
         r = signed_power(inner, 1.0 / self.power) - self.shift
-        return r @ _inverted(self.response_from_XYZ).T
+        return r @ _invert_matrix(self.response_from_XYZ).T

@@ -37,7 +37,7 @@ from volspec.appearance.display import (
 from volspec.appearance.models import XYZ_from_cielab, cielab
 from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.materials import Basis, MaterialBasis
-from volspec.basis.report import NOTHING, RGB_PRODUCT, WAYS, BasisReport, WorstPair, rounded
+from volspec.basis.report import NOTHING, RGB_PRODUCT, WAYS, BasisReport, WorstPair, round_delta
 from volspec.basis.report_table import class_heading, format_delta_e
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, colour_matching_functions
 
@@ -177,7 +177,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     scene_count = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
     per_class = max((_MAX_NAMED - scene_count) // max(len(means) - bool(scene_count), 1), 1)
     for (name, report), left, right in zip(errors.classes.items(), ends, ends[1:], strict=False):
-        order = _rising(own_max[name])
+        order = _argsort_delta_e(own_max[name])
         x = left + (right - left) * (np.arange(len(order)) + 1.0) / (len(order) + 1.0)
         if left:
             axes.axvline(left, color=HAIR, linewidth=0.8)
@@ -274,9 +274,9 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
         x += 0.16
 
 
-def _rising(delta_e: Array) -> NDArray[np.intp]:
+def _argsort_delta_e(delta_e: Array) -> NDArray[np.intp]:
     """Return the order of colour differences; those that are `rounded` alike keep theirs."""
-    return np.argsort(rounded(delta_e), kind="stable")
+    return np.argsort(round_delta(delta_e), kind="stable")
 
 
 def share_out(places: int, sizes: list[int]) -> list[int]:
@@ -297,13 +297,13 @@ def worst_pairs(report: BasisReport, count: int) -> list[WorstPair]:
     delta_e = report.pairs.delta_e[DEFAULT_MODE]
     pairs: list[tuple[int, int]] = []
     for once in (True, False):
-        for flat in _rising(-delta_e.ravel()):
+        for flat in _argsort_delta_e(-delta_e.ravel()):
             j, i = divmod(int(flat), delta_e.shape[1])
             if len(pairs) == count:
                 break
             if all(j != light and not (once and i == sample) for light, sample in pairs):
                 pairs.append((j, i))
-    pairs = [pairs[k] for k in _rising(np.array([-delta_e[pair] for pair in pairs]))]
+    pairs = [pairs[k] for k in _argsort_delta_e(np.array([-delta_e[pair] for pair in pairs]))]
     return [WorstPair.at(report.pairs, j, i) for j, i in pairs]
 
 

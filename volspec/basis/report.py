@@ -57,7 +57,7 @@ _MAX_PRODUCTS = 4000
 _SEED = 20090128
 
 
-def rounded(delta_e: ArrayLike) -> Array:
+def round_delta(delta_e: ArrayLike) -> Array:
     """Return colour differences in whole multiples of `NOTHING`, to be put in order.
 
     What is exact by construction differs by some 1e-14, and otherwise on each processor.
@@ -402,7 +402,7 @@ def basis_report(
         )
     channels = basis.surface_channels(surfaces)
     pairs = pair_errors(basis, lights, surfaces, channels, chained=basis.multiplies)
-    j, i = divmod(int(rounded(pairs.delta_e[DEFAULT_MODE]).argmax()), len(surfaces))
+    j, i = divmod(int(round_delta(pairs.delta_e[DEFAULT_MODE]).argmax()), len(surfaces))
     return BasisReport(
         basis=basis.name,
         size=basis.size,

@@ -23,7 +23,7 @@ from volspec.basis.report import (
     Reflectances,
     WorstPair,
     basis_report,
-    rounded,
+    round_delta,
 )
 from volspec.errors import BasisError
 from volspec.spectra import SpectralGrid, Spectrum
@@ -44,7 +44,7 @@ class ErrorTable:
     @property
     def worst_class(self) -> str:
         """Class of the overall worst pair."""
-        return max(self.classes, key=lambda name: rounded(self.classes[name].worst.delta_e))
+        return max(self.classes, key=lambda name: round_delta(self.classes[name].worst.delta_e))
 
     @property
     def worst(self) -> WorstPair:

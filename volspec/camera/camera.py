@@ -145,11 +145,11 @@ class Camera:
             math.radians(math.fmod(angle, 360)) for angle in (azimuth_deg, elevation_deg)
         )
         around = math.cos(azimuth) * front + math.sin(azimuth) * side
-        direction = _snapped(math.cos(elevation) * around + math.sin(elevation) * axis)
-        top = _snapped(math.cos(elevation) * axis - math.sin(elevation) * around)
+        direction = _snap_direction(math.cos(elevation) * around + math.sin(elevation) * axis)
+        top = _snap_direction(math.cos(elevation) * axis - math.sin(elevation) * around)
         if roll_deg:
             roll = math.radians(math.fmod(roll_deg, 360))
-            top = _snapped(math.cos(roll) * top + math.sin(roll) * np.cross(direction, top))
+            top = _snap_direction(math.cos(roll) * top + math.sin(roll) * np.cross(direction, top))
         distance = radius / math.sin(math.radians(fov_deg) / 2) / zoom
         if not math.isfinite(distance):
             raise CameraError(
@@ -256,7 +256,7 @@ def slice_view(volume: Volume) -> Orbit | None:
     return Orbit(round(azimuth, 9), 0.0, orthographic=True, up=(i, j, k))
 
 
-def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _snap_direction(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a unit vector without the 6e-17 that rounding leaves of cos(π/2).
 
     A ray tilted by that little leaves a face that an exactly parallel ray follows to its end.

@@ -44,7 +44,7 @@ from volspec.cli.shell import (
     app,
     as_written,
     bar,
-    counted,
+    count_of,
     note_everyday,
     say,
 )
@@ -221,8 +221,8 @@ def export(
             }
         reused = result.frames - result.made
         line = (
-            f"{result.output}: {counted(result.frames, 'frame')}, {result.made} made from "
-            f"{counted(result.casts, 'cast')}" + (f"; {reused} already existed" if reused else "")
+            f"{result.output}: {count_of(result.frames, 'frame')}, {result.made} made from "
+            f"{count_of(result.casts, 'cast')}" + (f"; {reused} already existed" if reused else "")
         )
         if one and len(names) > 1:
             turns = f"{'a turn' if turntable else 'them'} under each of {len(names)} lights"
@@ -349,7 +349,7 @@ def page(
         many = f", {views} views" if views > 1 else ""
         many += f", {len(series)} time steps" if series else ""
         many += "".join(layered)
-        lights_text = counted(len(lights), "light")
+        lights_text = count_of(len(lights), "light")
         return f"{job.output}: {count / 1e6:.2f} MB, {lights_text}{many}; open it in a browser"
 
     run_jobs(batch, write, incomplete=incomplete)

@@ -17,7 +17,7 @@ from cyclopts import Group, Parameter
 from volspec._files import plain_stem, require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_scene
 from volspec.cli.options import Options
-from volspec.cli.shell import INCOMPLETE, bar, counted, note_everyday, print_json, say
+from volspec.cli.shell import INCOMPLETE, bar, count_of, note_everyday, print_json, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecError, one_line
 from volspec.raycast import RaycastSpec
@@ -243,12 +243,12 @@ def _pairs(
         raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
     addresses: list[str] = []
     for text in inputs:
-        addresses += [text] if series and "*" in text else _expanded(text)
+        addresses += [text] if series and "*" in text else _expand_input(text)
     if [*inputs] == addresses and len(addresses) == 1 and _NAME not in str(output):
         return [Job(addresses[0], output)]
     if _NAME not in str(output) and output.suffix.lower() in _FILES and not output.is_dir():
         raise InputError(
-            f"{output}: is one file for {counted(len(addresses), 'input')}; give a folder, or a "
+            f"{output}: is one file for {count_of(len(addresses), 'input')}; give a folder, or a "
             f"pattern such as {_NAME}{output.suffix}",
             code="conflict",
         )
@@ -277,7 +277,7 @@ def _stem(path: Path) -> str:
     return name if path.is_dir() and path.suffix.lower() != ".zarr" else plain_stem(name)
 
 
-def _expanded(text: str) -> list[str]:
+def _expand_input(text: str) -> list[str]:
     """Return the files that a pattern or a folder means; anything else is itself."""
     from volspec._files import is_remote
     from volspec._triangles import is_mesh_file
@@ -348,7 +348,7 @@ def run_jobs(
     else:
         for line in done:
             say(line)
-        failures = f"; {counted(failed, 'input')} failed" if failed else ""
-        say(f"{len(done)} of {counted(len(batch), 'input')} done{failures}")
+        failures = f"; {count_of(failed, 'input')} failed" if failed else ""
+        say(f"{len(done)} of {count_of(len(batch), 'input')} done{failures}")
     if failed or incomplete:
         raise SystemExit(1 if failed else INCOMPLETE)

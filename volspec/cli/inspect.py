@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, Lights, require_scene
 from volspec.cli.inputs import CameraOption, Preset, open_scene
-from volspec.cli.shell import Json, Terminal, app, bar, counted, print_json, say
+from volspec.cli.shell import Json, Terminal, app, bar, count_of, print_json, say
 from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
@@ -203,7 +203,7 @@ def _line(checked: Checked) -> str:
     if checked.room_error is not None:
         room = f", the room's light within {100 * checked.room_error:.2g} %"
     return (
-        f"{checked.path}: ok: {counted(checked.materials, 'material')}, "
-        f"{counted(checked.lights, 'light')}, {volume}basis {checked.basis} "
+        f"{checked.path}: ok: {count_of(checked.materials, 'material')}, "
+        f"{count_of(checked.lights, 'light')}, {volume}basis {checked.basis} "
         f"({checked.reason}){room}"
     )

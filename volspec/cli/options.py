@@ -19,7 +19,7 @@ from cyclopts import Group, Parameter
 from volspec.cli.arguments import parse_triple
 from volspec.cli.shell import as_written
 from volspec.errors import InputError
-from volspec.settings import alternatives, descriptions, expected, hints
+from volspec.settings import alternatives, descriptions, hints, words_for
 
 
 class Options:
@@ -66,7 +66,7 @@ class Options:
             is_number = kind in (int, float)
             words = [_first_sentence(owner, name, cls.names)]
             if is_number:
-                phrase = expected(hints(owner)[name]).removesuffix(", or leave it out")
+                phrase = words_for(hints(owner)[name]).removesuffix(", or leave it out")
                 words.append(f"{phrase[0].upper()}{phrase[1:]}{', or off' * (name in off)}.")
             parameter = Parameter(
                 cls.names[name],

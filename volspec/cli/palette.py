@@ -242,7 +242,7 @@ def hide(
     """
     from volspec.wizard import hide
 
-    loaded = _loaded(scene, output)
+    loaded = _load_scene(scene, output)
     with in_options(_OPTIONS):
         result = hide(
             *(loaded, material),
@@ -297,7 +297,7 @@ def reveal(
     """
     from volspec.wizard import evaluate_lights, reveal
 
-    loaded, viewers = _loaded(scene, output), deficiency or []
+    loaded, viewers = _load_scene(scene, output), deficiency or []
     with in_options(_OPTIONS):
         result = reveal(
             *(loaded, material),
@@ -353,7 +353,7 @@ def merge(
     colours = [parse_colour(text) for text in colour or ()]
     with in_options(_OPTIONS):
         result = merge(
-            *(_loaded(scene, output), materials),
+            *(_load_scene(scene, output), materials),
             under=under,
             split=split,
             colours=colours,
@@ -380,10 +380,10 @@ def keep(scene: str, material: str, /, *, output: Output, json: Json = False) ->
     """
     from volspec.wizard import keep
 
-    _finish(keep(_loaded(scene, output), material), output, json)
+    _finish(keep(_load_scene(scene, output), material), output, json)
 
 
-def _loaded(path: str, output: Path) -> Scene:
+def _load_scene(path: str, output: Path) -> Scene:
     """Load or make the scene; refuse an output that would destroy something before the work."""
     from volspec.wizard import require_output
 

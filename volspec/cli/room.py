@@ -232,7 +232,7 @@ def _paints(
         appearance = wanted_appearance(target, room.grid)
     candidates = paint_set(names, room.grid)
     if mix is not None:
-        step, law = _mixing(mix)
+        step, law = _parse_mixing(mix)
         candidates = mix_paints(candidates, step, law, room.grid)
     require_reflectance(candidates, [candidate.name for candidate in candidates], room.grid)
     top = 10 if top is None else top
@@ -241,7 +241,7 @@ def _paints(
     return _Paints(candidates, surface, appearance, top)
 
 
-def _mixing(text: str) -> tuple[float, MixingLaw]:
+def _parse_mixing(text: str) -> tuple[float, MixingLaw]:
     """Return the step and the law of ``STEP`` or ``STEP,LAW``."""
     from volspec.room import MIXING_LAWS
 

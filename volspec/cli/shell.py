@@ -176,10 +176,10 @@ def say(text: object) -> None:
     Terminal().print(visible(str(text)), highlight=False, soft_wrap=True)
 
 
-def counted(number: int, noun: str) -> str:
+def count_of(number: int, noun: str) -> str:
     """Return a number with its noun, singular or plural.
 
-    >>> counted(1, "light"), counted(2, "light")
+    >>> count_of(1, "light"), counted(2, "light")
     ('1 light', '2 lights')
     """
     return f"{number} {noun}{'' if number == 1 else 's'}"
@@ -224,7 +224,7 @@ def _print_what_can_be() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _miscounted(error: CycloptsError) -> str:
+def _arity_message(error: CycloptsError) -> str:
     """Return a message on a missing or extra argument; cyclopts would print a Python list."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
@@ -269,7 +269,7 @@ def _command(words: Sequence[str]) -> App:
     return command
 
 
-def _refused(error: CoercionError | ValidationError) -> str:
+def _value_message(error: CoercionError | ValidationError) -> str:
     """Return a message on a bad value, without cyclopts' "Invalid value for"."""
     if isinstance(error, CoercionError) or error.argument is None:
         return one_line(error).removeprefix("Invalid value for ").rstrip(".")
@@ -350,10 +350,10 @@ def _run(words: list[str]) -> None:
         finally:
             print(end="", flush=True)  # now, as at exit it is too late to report a closed pipe
     except (CoercionError, ValidationError) as error:
-        raise _failure(_refused(error), 1) from error
+        raise _failure(_value_message(error), 1) from error
     except CycloptsError as error:
         # Cyclopts cuts a long list of commands short: "info, ...".
-        message = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
+        message = _arity_message(error) or one_line(error).replace(", ...", " and more").rstrip(".")
         message = message[:1].lower() + message[1:]
         command = " ".join(("volspec", *(error.command_chain or ())))
         mark = "" if message.endswith("?") else ";"

@@ -27,7 +27,7 @@ from volspec.camera import (
     length_mm,
     scale_text,
 )
-from volspec.errors import VolspecWarning, quoted
+from volspec.errors import VolspecWarning, quote
 from volspec.export.value_bars import ValueBar
 from volspec.scene.tables import Annotation, Mark, PlacedAnnotation, place_annotation
 from volspec.volume import Volume
@@ -135,7 +135,9 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
     return painted
 
 
-def _placed(annotation: Annotation, projection: Projection, unit: float) -> PlacedAnnotation | None:
+def _place_led(
+    annotation: Annotation, projection: Projection, unit: float
+) -> PlacedAnnotation | None:
     """Place an annotation in a picture whose sizes grow by ``unit``; None if it is behind."""
     return place_annotation(annotation.points_mm, projection, (_LEADER * unit, -_LEADER * unit))
 
@@ -145,7 +147,7 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
     nodes = []
     for annotation in annotations:
-        placed = _placed(annotation, projection, unit)
+        placed = _place_led(annotation, projection, unit)
         if placed is None:
             continue
         for name, wider in (("under", _OUTLINE * unit), ("over", 0.0)):
@@ -171,13 +173,13 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
     """Warn of annotations that begin within a picture and end beyond its right edge."""
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
     for annotation in annotations:
-        if (placed := _placed(annotation, projection, unit)) is None:
+        if (placed := _place_led(annotation, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
         width = TextLine.of(printable(annotation.caption, _MAX_LETTERS), round(_TEXT * unit)).width
         if 0 <= start < size[0] < start + width:
             warnings.warn(
-                f"[[annotation]] {quoted(annotation.caption)}: is cut at the edge of a picture of "
+                f"[[annotation]] {quote(annotation.caption)}: is cut at the edge of a picture of "
                 f"{size[0]} x {size[1]}; shorten its text, move its points, or make it wider",
                 VolspecWarning,
                 stacklevel=2,
@@ -264,7 +266,7 @@ class _Painter:
 
     def annotation(self, annotation: Annotation) -> list[Patch]:
         """Return an annotation's lines and its caption; nothing if it is behind the camera."""
-        placed = _placed(annotation, self._projection, self.unit)
+        placed = _place_led(annotation, self._projection, self.unit)
         if placed is None:
             return []
         x, y = placed.caption + (_ROOM * self.unit, 0.0)

@@ -28,7 +28,7 @@ from volspec._parse import parse_json
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adaptation
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, visible_white
-from volspec.errors import ImageError, ViewingError, quoted
+from volspec.errors import ImageError, ViewingError, quote
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
 from volspec.image import (
@@ -96,7 +96,7 @@ class Recipe:
             # Names become part of expressions that compositors evaluate.
             if not (isinstance(channel, str) and _CHANNEL.fullmatch(channel)):
                 raise ImageError(
-                    f"{quoted(channel)} is not a channel of a cast",
+                    f"{quote(channel)} is not a channel of a cast",
                     "give names such as key.c00.V",
                     code="unknown",
                     field="recipe",
@@ -105,14 +105,14 @@ class Recipe:
         for material in self.materials.values():
             if not (isinstance(material, str) and _MATERIAL.fullmatch(material)):
                 raise ImageError(
-                    f"{quoted(material)} is not a name of a material in a file",
+                    f"{quote(material)} is not a name of a material in a file",
                     "give letters, digits and _",
                     code="unknown",
                     field="recipe",
                     given=material,
                 )
         for name, light in self.lights.items():
-            _require_fit(f"light {quoted(name)}", light, self.channels)
+            _require_fit(f"light {quote(name)}", light, self.channels)
 
     @classmethod
     def of(
@@ -129,7 +129,7 @@ class Recipe:
         """
         if not (isinstance(lights, Mapping) and lights):
             raise ViewingError(
-                f"the lights are {quoted(lights)}",
+                f"the lights are {quote(lights)}",
                 "give at least one by name, such as {'day': volspec.light('D65')}",
                 code="missing",
                 field="recipe",
@@ -211,9 +211,9 @@ class Recipe:
             **({"materials": dict(self.materials)} if self.materials else {}),
             "lights": {
                 name: {
-                    "matrices": {g: _rounded(M) for g, M in light.matrices.items()},
-                    "backdrop": _rounded(light.backdrop),
-                    "numbers": {g: _rounded(e) for g, e in light.numbers.items()},
+                    "matrices": {g: _round_floats(M) for g, M in light.matrices.items()},
+                    "backdrop": _round_floats(light.backdrop),
+                    "numbers": {g: _round_floats(e) for g, e in light.numbers.items()},
                     **_lux(light),
                 }
                 for name, light in self.lights.items()
@@ -299,11 +299,11 @@ def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[
         for group, array in rows.items():
             if group not in channels:
                 raise ImageError(
-                    f"{who}: {kind} of unknown group {quoted(group)}",
+                    f"{who}: {kind} of unknown group {quote(group)}",
                     f"known: {', '.join(channels)}",
                     code="unknown",
                 )
-            name = f"{who}: {kind} of group {quoted(group)}"
+            name = f"{who}: {kind} of group {quote(group)}"
             _require_shape(name, array, (*shape, len(channels[group])))
 
 
@@ -323,7 +323,7 @@ def _lux(light: CompositorLight) -> dict[str, float]:
     return {} if lux is None else {"illuminance_lux": float(f"{lux:.{_DIGITS}g}")}
 
 
-def _rounded(values: Array) -> Any:
+def _round_floats(values: Array) -> Any:
     if values.ndim > 1:
-        return [_rounded(row) for row in values]
+        return [_round_floats(row) for row in values]
     return [float(f"{v:.{_DIGITS}g}") for v in values]

@@ -86,11 +86,11 @@ class DeepSamples:
         cosine = axis_cosine(image.size, image.fov_deg)[..., None]
         cosines = np.broadcast_to(cosine, used.shape)[used]
         front_mm, back_mm = (
-            _rounded(edge.reshape(used.shape)[used] * cosines) for edge in (begin, begin + width)
+            _round_mm(edge.reshape(used.shape)[used] * cosines) for edge in (begin, begin + width)
         )
         visible = alpha > _CLEAR
         counts = np.bincount(pixel[visible], minlength=depth.size).reshape(picture.alpha.shape)
-        front_mm, pixel = _rising(front_mm[visible], pixel[visible]), pixel[visible]
+        front_mm, pixel = _spread_mm(front_mm[visible], pixel[visible]), pixel[visible]
         last = np.r_[pixel[1:] != pixel[:-1], True][: len(pixel)]
         following = np.where(last, np.inf, np.r_[front_mm[1:], np.inf][: len(pixel)])
         back_mm = np.maximum(front_mm, np.minimum(back_mm[visible], following))
@@ -146,13 +146,13 @@ def _sum_to(values: NDArray[np.float64], pixel: NDArray[np.int64]) -> NDArray[np
     return running - np.maximum.accumulate(before) if len(values) else running
 
 
-def _rounded(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+def _round_mm(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return distances with 13 binary digits, as layers have 11: more make files larger."""
     fraction, exponent = np.frexp(depth_mm)
     return np.asarray(np.ldexp(np.rint(fraction * _DIGITS) / _DIGITS, exponent), np.float32)
 
 
-def _rising(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float32]:
+def _spread_mm(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return distances that rise within each pixel: samples at one distance have no order."""
     depth_mm = depth_mm.copy()
     later = np.flatnonzero(pixel[1:] == pixel[:-1]) + 1

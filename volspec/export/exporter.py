@@ -366,7 +366,7 @@ class FrameMaker:
         if shared and not _opacities_change(plan):
             # Nearer to a cast than layers that are scaled afterwards.
             baked = dict(plan.shots[0].look.opacities)
-            casts = [[_unscaled(shot) for shot in shots] for shots in casts]
+            casts = [[_clear_opacities(shot) for shot in shots] for shots in casts]
         has_layers = shared or (only_cast and self._in_one_window)
         layers = scene.raycast.layers if has_layers else 0
         width, height = self.files.size
@@ -564,7 +564,7 @@ def _by_eye(shot: Shot, source: FrameSource) -> Shot:
     return replace(shot, camera=camera)
 
 
-def _unscaled(shot: Shot) -> Shot:
+def _clear_opacities(shot: Shot) -> Shot:
     """Return a shot of layers that were cast with its opacities."""
     return replace(shot, look=replace(shot.look, opacities={}))
 

@@ -149,7 +149,7 @@ class ExrWriter:
         """Append (R, W, C) linear rows."""
         if self._threads == 1:
             for block in self._blocks(pixels):
-                self._write(_compressed(block))
+                self._write(_compress_block(block))
             return
         waiting: deque[Future[bytes]] = deque()
         # Threads exist only while rows are added, so that only one of many open files has any.
@@ -157,14 +157,14 @@ class ExrWriter:
             for block in self._blocks(pixels):
                 if len(waiting) == self._room:
                     self._write(waiting.popleft().result())
-                waiting.append(pool.submit(_compressed, block))
+                waiting.append(pool.submit(_compress_block, block))
             while waiting:
                 self._write(waiting.popleft().result())
 
     def close(self) -> None:
         """Write the last block and the table of offsets; the file stays open."""
         if self._filled:
-            self._write(_compressed(self._block[: self._filled].tobytes()))
+            self._write(_compress_block(self._block[: self._filled].tobytes()))
         self._file.seek(self._table)
         self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
 
@@ -186,7 +186,7 @@ class ExrWriter:
         self._file.write(struct.pack("<ii", y, len(packed)) + packed)
 
 
-def _compressed(block: bytes) -> bytes:
+def _compress_block(block: bytes) -> bytes:
     """Return a block compressed, or unchanged if ZIP does not make it smaller."""
     packed = zlib.compress(_differences(block), _LEVEL)
     return packed if len(packed) < len(block) else block

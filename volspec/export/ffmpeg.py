@@ -9,7 +9,7 @@ import os
 import subprocess
 
 from volspec._extras import install_command
-from volspec.errors import DeviceError, quoted
+from volspec.errors import DeviceError, quote
 
 # Variable that overrides imageio-ffmpeg's own ffmpeg; time limit of `ffmpeg -version`.
 _VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
@@ -29,7 +29,7 @@ def ffmpeg() -> str:
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(path):
         raise DeviceError(
-            f"export: ffmpeg is needed, but {_VARIABLE} is {quoted(path)}, which is not ffmpeg",
+            f"export: ffmpeg is needed, but {_VARIABLE} is {quote(path)}, which is not ffmpeg",
             "correct or unset the variable",
             code="unsupported",
         )

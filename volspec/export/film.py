@@ -175,7 +175,7 @@ def _feed(
     """Write frames to ffmpeg; if it ends early, its exit code shows that."""
     with suppress(BrokenPipeError):
         for i, frame in enumerate(frames, start=1):
-            pixels = _filled(_pixels(frame)) if is_lossy else _pixels(frame)
+            pixels = _fill_transparent(_pixels(frame)) if is_lossy else _pixels(frame)
             height, width = pixels.shape[:2]
             edges = ((0, size[1] - height), (0, size[0] - width), (0, 0))
             pipe.write(np.pad(pixels, edges, mode="edge").tobytes())
@@ -187,7 +187,7 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
     return np.asarray(picture if picture.mode == "RGBA" else picture.convert("RGB"))
 
 
-def _filled(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _fill_transparent(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Give transparent pixels the nearest colour: a codec would mix their black into edges."""
     from scipy.ndimage import distance_transform_edt
 

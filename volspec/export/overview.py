@@ -126,7 +126,7 @@ def _linear_as_codes(path: Path, min_width: int, primaries: str) -> NDArray[np.u
     _, read = read_exr(path, ImageError)
     height, width = read["R"].shape
     n = max(1, min(width // min_width, height))
-    channels = {name: _reduced(read[name], n) for name in "RGBA" if name in read}
+    channels = {name: _average_blocks(read[name], n) for name in "RGBA" if name in read}
     linear = np.stack([channels[name] for name in "RGB"], axis=-1)
     space, sRGB = PRIMARIES[primaries], SPACES["sRGB"]
     linear = linear @ (sRGB.RGB_from_XYZ @ white_adaptation(space, sRGB) @ space.XYZ_from_RGB).T
@@ -137,7 +137,7 @@ def _linear_as_codes(path: Path, min_width: int, primaries: str) -> NDArray[np.u
     return np.rint(encode_sRGB(linear) * 255).astype(np.uint8)
 
 
-def _reduced(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:
+def _average_blocks(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:
     """Return (H/n, W/n) float64 means of n × n pixels, row by row as the picture may be large."""
     height, width = (side // n for side in pixels.shape)
     rows = np.empty((height, width))

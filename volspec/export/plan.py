@@ -141,7 +141,7 @@ def plan_export(
         for state in states
     ]
     if table.play is not None:
-        states = _played(scene, states, table.play, series)
+        states = _play_series(scene, states, table.play, series)
     mixes = _mixes(scene, table, lights, len(states))
     digits = max(4, len(str(len(states) - 1)))
     numbers = [f"{i:0{digits}d}" for i in range(len(states))]
@@ -195,7 +195,7 @@ def _weights(scene: Scene) -> list[dict[str, float]] | None:
     return [key.lights or {} for key in keys]
 
 
-def _played(
+def _play_series(
     scene: Scene, states: list[FrameState], play: Play, series: Series | None
 ) -> list[FrameState]:
     """Return the states with the time steps of a series; of a single one a frame for each."""
@@ -344,12 +344,12 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         file = scene_file(data, path)
     except SceneFaults as error:
         valid = _valid_part(data, error, Path(path))
-        unknown = [] if valid is None else _unresolved(valid, Path(path))[0]
+        unknown = [] if valid is None else _check_names(valid, Path(path))[0]
         return Checked(name, (*error.lines, *unknown))
     coarse = file
     if file.room is not None:  # solved once more, below
         coarse = replace(file, room=replace(file.room, patches=_FEW_PATCHES))
-    errors, volume = _unresolved(coarse, Path(path))
+    errors, volume = _check_names(coarse, Path(path))
     scene = None
     if volume is not None and not errors:
         try:
@@ -424,7 +424,7 @@ def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> Scen
     return try_table(SceneFile, tables, SceneError, path.parent)[0]
 
 
-def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
+def _check_names(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
     """Return messages on unknown names and numbers out of range, and the volume."""
     errors: list[str] = []
     names = Resolver(file, path, faults=errors)

@@ -91,7 +91,7 @@ class PngWriter:
         block = max(1, _BLOCK_BYTES // lines.shape[1])
         for start in range(0, len(lines), block):
             part = lines[start : start + block]
-            packed = self._zip.compress(_filtered(part, self._before, self._step).tobytes())
+            packed = self._zip.compress(_filter(part, self._before, self._step).tobytes())
             self._before = part[-1:].copy()
             if packed:
                 self._chunk(b"IDAT", packed)
@@ -115,7 +115,7 @@ class PngWriter:
         self._file.write(struct.pack(">I", zlib.crc32(data, zlib.crc32(name))))
 
 
-def _filtered(lines: NDArray[np.uint8], before: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+def _filter(lines: NDArray[np.uint8], before: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     """Return (R, 1 + N): each row, preceded by the number of the filter that makes it smallest."""
     up = np.concatenate([before, lines[:-1]])
     left, corner = (np.pad(pixels[:, :-step], ((0, 0), (step, 0))) for pixels in (lines, up))
@@ -137,7 +137,7 @@ def _paeth(
     return np.where((to_a <= to_b) & (to_a <= to_c), left, nearest)
 
 
-def _fixed(values: ArrayLike) -> bytes:
+def _encode_fixed(values: ArrayLike) -> bytes:
     """Encode s15Fixed16Numbers."""
     integers = np.rint(np.asarray(values, dtype=np.float64).ravel() * 65536.0)
     return integers.astype(">i4").tobytes()
@@ -152,9 +152,9 @@ def _text(text: str) -> bytes:
 def _curve(space: ColourSpace) -> bytes:
     t = space.transfer
     if t.toe == 0.0:
-        return b"para" + struct.pack(">IHH", 0, 0, 0) + _fixed([1.0 / t.power])
+        return b"para" + struct.pack(">IHH", 0, 0, 0) + _encode_fixed([1.0 / t.power])
     numbers = [1.0 / t.power, 1.0 / t.gain, (t.gain - 1.0) / t.gain, 1.0 / t.slope, t.slope * t.toe]
-    return b"para" + struct.pack(">IHH", 0, 3, 0) + _fixed(numbers)
+    return b"para" + struct.pack(">IHH", 0, 3, 0) + _encode_fixed(numbers)
 
 
 def icc_profile(space: ColourSpace) -> bytes:
@@ -165,13 +165,13 @@ def icc_profile(space: ColourSpace) -> bytes:
     """
     matrix = space.XYZ_from_RGB / 100.0
     adapted = D50_from_white(matrix.sum(axis=1))
-    red, green, blue = (b"XYZ \0\0\0\0" + _fixed(column) for column in (adapted @ matrix).T)
+    red, green, blue = (b"XYZ \0\0\0\0" + _encode_fixed(column) for column in (adapted @ matrix).T)
     curve = _curve(space)
     tags = {
         b"desc": _text(space.name),
         b"cprt": _text("No copyright, use freely"),
-        b"wtpt": b"XYZ \0\0\0\0" + _fixed(D50_XYZ),
-        b"chad": b"sf32\0\0\0\0" + _fixed(adapted),
+        b"wtpt": b"XYZ \0\0\0\0" + _encode_fixed(D50_XYZ),
+        b"chad": b"sf32\0\0\0\0" + _encode_fixed(adapted),
         b"rXYZ": red,
         b"gXYZ": green,
         b"bXYZ": blue,
@@ -196,7 +196,7 @@ def icc_profile(space: ColourSpace) -> bytes:
         struct.pack(">6H", 2026, 1, 1, 0, 0, 0),  # fixed, so that equal spaces have equal bytes
         b"acsp",
         bytes(28),
-        _fixed(D50_XYZ),
+        _encode_fixed(D50_XYZ),
         bytes(48),
     )
     return header + table + data

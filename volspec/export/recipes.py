@@ -155,7 +155,7 @@ def _layer_nodes(
     yield from _expression_node(
         "kept", [*(f"{kept}*({text})" for text in expressions), f"{kept}*a"]
     )
-    mixed = _mixed(recipe, weights)
+    mixed = _mix_factors(recipe, weights)
     in_front: tuple[list[str], list[str]] = [], []
     for layer in range(recipe.layers):
         names = [*map(_nuke_name, layer_names(layer, materials, groups, recipe.shadows))]
@@ -164,7 +164,10 @@ def _layer_nodes(
         fades = not (recipe.solid and layer == recipe.layers - 1)
         own_knobs = knobs if fades else ["1"] * K
         scaled = [f"{knob}*{name}" for knob, name in zip(own_knobs, tau, strict=True)]
-        seen = [_seen(before, depth) for before, depth in zip(in_front, (scaled, tau), strict=True)]
+        seen = [
+            _layer_text(before, depth)
+            for before, depth in zip(in_front, (scaled, tau), strict=True)
+        ]
         for before, depth in zip(in_front, (scaled, tau), strict=True):
             before += depth
         if recipe.shadows:
@@ -263,7 +266,7 @@ def _shadow(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: b
     return f"1-min(1,{gain:g}*exp(-log(1+{grown})/{bend}))"
 
 
-def _mixed(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str, list[str]]]:
+def _mix_factors(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str, list[str]]]:
     """Return for R, G and B the factor of each channel of each group: lights times weights."""
     rows = []
     for row in range(3):
@@ -283,7 +286,7 @@ def _mixed(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str,
     return rows
 
 
-def _seen(before: Sequence[str], depths: Sequence[str]) -> str:
+def _layer_text(before: Sequence[str], depths: Sequence[str]) -> str:
     """Return the expression of a layer's visibility behind others, from optical depths."""
     front = f"exp(-({'+'.join(before)}))" if before else "1"
     return f"{front}*(1-exp(-({'+'.join(depths)})))"

@@ -411,7 +411,7 @@ def _composite_focused(
     lens = _Lens(shape, max(abs(low_px), abs(high_px)), numbers + 3)
     white, previous = np.zeros(shape, np.float32), np.ones(shape, np.float32)
     lit_by = [fog.left(slab.depth) for slab in slabs]
-    spans = [_widened(low / step, high / step) for low, high in ends]
+    spans = [_widen_spans(low / step, high / step) for low, high in ends]
     for number in range(math.floor(low_px / step), math.ceil(high_px / step) + 1):
         picture = np.zeros((len(pixels), numbers + 4), np.float32)
         clear = np.ones(len(pixels), np.float32)
@@ -445,7 +445,7 @@ def _depth_of(blur: float, focus: float, blur_px: float) -> float:
     return focus / nearness if nearness > 0 else math.inf
 
 
-def _widened(low: Array, high: Array) -> tuple[Array, Array]:
+def _widen_spans(low: Array, high: Array) -> tuple[Array, Array]:
     """Return spans that are a slice long at least, so that neighbouring slices share thin ones."""
     middle, half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1)
     return middle - half, middle + half

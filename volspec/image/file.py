@@ -205,17 +205,17 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
             "render the scene again",
             code="unsupported",
         )
-    with _refusing(f"{name}: its basis is refused"):
+    with _wrap_faults(f"{name}: its basis is refused"):
         basis = basis_from_dict(parse_json(header["volspec:basis"]))
         notes = dict(parse_json(header.get("volspec:notes", "{}")))
-    with _refusing(f"{name}: its light groups are refused"):
+    with _wrap_faults(f"{name}: its light groups are refused"):
         stored = parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
     coefficients, alpha = _checked_pixels(name, pixels, channel_names(groups, basis.size))
     first = pixels.get("first.Z")
-    with _refusing(f"{name}: its volspec:fov_deg is refused"):
+    with _wrap_faults(f"{name}: its volspec:fov_deg is refused"):
         fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
-    with _refusing(f"{name}: its volspec:camera is refused"):
+    with _wrap_faults(f"{name}: its volspec:camera is refused"):
         placed = parse_json(header.get("volspec:camera", "null"))
         camera = None if placed is None else Camera(**placed)
     return {
@@ -258,7 +258,7 @@ def _read_layers(
     """Return a file's layers of opacity; None if it has none."""
     if "volspec:layers" not in header:
         return None
-    with _refusing(f"{name}: its layers of opacity are refused"):
+    with _wrap_faults(f"{name}: its layers of opacity are refused"):
         about = parse_json(header["volspec:layers"])
         version = about["version"]
     if isinstance(version, bool) or version not in LAYERS_VERSIONS:
@@ -268,7 +268,7 @@ def _read_layers(
             "install a later volspec, or render the scene again",
             code="unsupported",
         )
-    with _refusing(f"{name}: its layers of opacity are refused"):
+    with _wrap_faults(f"{name}: its layers of opacity are refused"):
         count, minimum = int(about["count"]), 2 if version == SOLID_VERSION else 1
         if not (isinstance(basis, MaterialBasis) and minimum <= count <= MAX_LAYERS):
             problem = f"{count} layers in basis {basis.name!r}"
@@ -281,7 +281,7 @@ def _read_layers(
     parts = []
     for k in range(count):
         names = layer_names(k, basis.materials, groups, slots)
-        parts.append(_stacked(name, pixels, names))
+        parts.append(_stack_channels(name, pixels, names))
     rows = np.stack(parts, axis=2)
     if not np.isfinite(rows[..., :-1]).all() or rows[..., :materials].min() < 0:
         raise ImageError(
@@ -289,7 +289,7 @@ def _read_layers(
             "render the scene again",
             code="damaged",
         )
-    with _refusing(f"{name}: its layers of opacity are refused"):
+    with _wrap_faults(f"{name}: its layers of opacity are refused"):
         layers = OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
         return replace(layers, solid=version == SOLID_VERSION)
 
@@ -304,7 +304,7 @@ def stored_slots(about: Mapping[str, Any], groups: Iterable[str]) -> list[Slot]:
     )
 
 
-def _stacked(name: str, pixels: Channels, keys: Iterable[str]) -> NDArray[Any]:
+def _stack_channels(name: str, pixels: Channels, keys: Iterable[str]) -> NDArray[Any]:
     """Return the channels of some names, or raise ImageError if one is missing."""
     for key in (names := list(keys)):
         if key not in pixels:
@@ -315,7 +315,7 @@ def _stacked(name: str, pixels: Channels, keys: Iterable[str]) -> NDArray[Any]:
 
 
 @contextmanager
-def _refusing(problem: str) -> Iterator[None]:
+def _wrap_faults(problem: str) -> Iterator[None]:
     """Turn a fault in a header field into an ImageError."""
     try:
         yield
@@ -327,8 +327,8 @@ def _refusing(problem: str) -> Iterator[None]:
 
 def _checked_pixels(name: str, pixels: Channels, keys: list[str]) -> tuple[Any, Any]:
     """Return a file's (H, W, L·M) coefficients and (H, W) alpha, checked."""
-    _stacked(name, pixels, ("A", "Z"))
-    coefficients = _stacked(name, pixels, keys)
+    _stack_channels(name, pixels, ("A", "Z"))
+    coefficients = _stack_channels(name, pixels, keys)
     if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
         raise ImageError(
             f"{name}: contains NaN or infinite values", "render the scene again", code="damaged"

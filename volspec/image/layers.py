@@ -49,7 +49,7 @@ from volspec.errors import (
     ShapeError,
     VolspecWarning,
     nearest,
-    quoted,
+    quote,
 )
 
 Array = NDArray[np.float64]
@@ -315,8 +315,8 @@ class OpacityLayers:
         tau = depths.astype(np.float32)
         return replace(
             half,
-            shade=_rounded(self.shade, tau[..., None, :]),
-            gloss=_rounded(self.gloss, tau.sum(axis=-1)[..., None]),
+            shade=_quantise_values(self.shade, tau[..., None, :]),
+            gloss=_quantise_values(self.gloss, tau.sum(axis=-1)[..., None]),
         )
 
     def _ended_by(self, surfaces: Solid, columns: Sequence[int]) -> Self:
@@ -424,7 +424,7 @@ def _rounded_depths(tau: NDArray[Any]) -> NDArray[np.float16]:
     return np.where(rounded > 0, rounded, tau).astype(np.float16)
 
 
-def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
+def _quantise_values(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
     """Return values of layers of some optical depths in half precision, rounded to what shows."""
     visibility = -np.expm1(-_MAX_SCALED * tau)
     step = np.minimum(_STEP / np.maximum(visibility, _STEP), _MAX_STEP)
@@ -480,7 +480,7 @@ def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
     for name in scales:
         if name not in basis.materials:
             raise ImageError(
-                f"no material {quoted(name)}; {nearest(str(name), basis.materials)}"
+                f"no material {quote(name)}; {nearest(str(name), basis.materials)}"
                 f"it has {', '.join(basis.materials)}",
                 code="unknown",
                 field="opacities",

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
+from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quote
 from volspec.image.depth import DepthEffects, recompose_in_depth
 from volspec.image.fields import ImageFields
 from volspec.image.file import read_image, write_image
@@ -247,7 +247,7 @@ class CoefficientImage(ImageFields):
         """
         if not (isinstance(image, SpectralImage) and isinstance(basis, SpectralBasis)):
             raise ImageError(
-                f"from_spectral_image: got {quoted(image)} and {quoted(basis)}",
+                f"from_spectral_image: got {quote(image)} and {quote(basis)}",
                 "expected a SpectralImage and a SpectralBasis",
                 code="type",
             )

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from volspec._extras import require_extra
 from volspec.camera import Camera
 from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
-from volspec.large.level_caster import LevelCaster, PartPicture, finished
+from volspec.large.level_caster import LevelCaster, PartPicture, normalise
 from volspec.large.parts import Part, Rect, view_of
 from volspec.raycast import RaycastSpec, VolumeCaster
 from volspec.raycast.launch import Cancel, Progress, Result, Visibility, light_layers
@@ -245,7 +245,7 @@ def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
         return caster.lights.extinction(job.table, job.spec, boxes)
 
 
-def added(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+def add_taus(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
     """Add two extinctions."""
     return one + other
 
@@ -301,7 +301,7 @@ class ClusterCaster(LevelCaster):
         tasks, sigma = self._tasks(), None
         if light_layers(spec, self.volume, camera):
             boxes = runs(self.light_parts(table), tasks)
-            sigma = self._tree(added, [self._submit(extinction_of, job, run) for run in boxes])
+            sigma = self._tree(add_taus, [self._submit(extinction_of, job, run) for run in boxes])
         batches = runs(parts, tasks)
         leaves = [self._submit(cast_parts, job, run, sigma) for run in batches]
         root = self._tree(over, leaves)
@@ -315,7 +315,7 @@ class ClusterCaster(LevelCaster):
         groups = tuple(group.without_shadows() for group in spec.groups)
         dark = Job(self._source, table, camera, size, replace(spec, groups=groups))
         self._gather_first(frame.first, dark, batches, leaves, cancel)
-        return finished(frame.coefficients, frame.alpha, frame.depth, frame.first, unit, spec.half)
+        return normalise(frame.coefficients, frame.alpha, frame.depth, frame.first, unit, spec.half)
 
     def _gather_first(
         self,

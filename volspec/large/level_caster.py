@@ -26,7 +26,7 @@ from volspec.errors import CastCancelled, RaycastError, VolspecWarning, VolumeEr
 from volspec.large.parts import (
     Part,
     Rect,
-    covered,
+    covered_pixels,
     natural_level,
     plan,
     reach,
@@ -590,7 +590,7 @@ class PartPicture:
         """Hatch what is visible of a box whose voxels cannot be read."""
         frame = self.caster.volume
         first, last = zip(*gap, strict=True)
-        bounds = covered(frame, self.camera, self.size, first, last)
+        bounds = covered_pixels(frame, self.camera, self.size, first, last)
         if bounds is None:
             return
         (x0, y0), (x1, y1) = np.maximum(rect[:2], bounds[:2]), np.minimum(rect[2:], bounds[2:])
@@ -640,10 +640,10 @@ class PartPicture:
             self._mark(*self.gaps.pop())
         unit = min(self.caster.volume.spacing_mm)
         arrays = self.coefficients, self.alpha, self.depth, self.first
-        return finished(*arrays, unit, self.spec.half)
+        return normalise(*arrays, unit, self.spec.half)
 
 
-def finished(
+def normalise(
     coefficients: NDArray[np.float32],
     alpha: NDArray[np.float32],
     depth: NDArray[np.float32],

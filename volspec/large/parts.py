@@ -186,7 +186,7 @@ def plan(
     """
     division = Division.of(level.shape, sides)
     low, high = (ends[::-1] for ends in spec.kept(frame))  # z, y, x
-    around = None if blocks is None else _spread(blocks)
+    around = None if blocks is None else _dilate_mask(blocks)
     parts = []
     for number in division.front_to_back(frame, camera, outer_axis(level)):
         first, last = division.box(number)
@@ -197,7 +197,7 @@ def plan(
         visible = math.prod(span.stop - span.start for span in part_blocks)
         if blocks is not None and not (visible := np.count_nonzero(blocks[part_blocks])):
             continue
-        rect = covered(frame, camera, size, first, last)
+        rect = covered_pixels(frame, camera, size, first, last)
         if rect is None:
             continue
         ends = zip(first, last, level.shape, strict=True)
@@ -222,7 +222,7 @@ def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
     cells = zip(part.low, part.high, part.stored, strict=True)
     box = tuple(slice((a - first) // BRICK, -(-(b - first) // BRICK)) for a, b, (first, _) in cells)
     near[box] = visible[box]
-    near = _spread(near, part.margin // BRICK)
+    near = _dilate_mask(near, part.margin // BRICK)
     for axis, (first, _) in enumerate(part.stored):
         begins = np.arange(near.shape[axis]) * BRICK + first
         starts = np.flatnonzero((begins % BLOCK == 0) | (begins == first))
@@ -230,7 +230,7 @@ def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return near
 
 
-def _spread(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
+def _dilate_mask(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
     """Return what is True or up to some items from where it is, along each axis."""
     spread = mask.copy()
     for axis in range(3):
@@ -242,7 +242,7 @@ def _spread(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
     return spread
 
 
-def covered(
+def covered_pixels(
     frame: Volume, camera: Camera, size: tuple[int, int], first: Index, last: Index
 ) -> Rect | None:
     """Return the pixels that see a box of voxels, (z, y, x) each; None if none does."""

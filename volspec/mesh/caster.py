@@ -30,7 +30,7 @@ from volspec.image import CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
-from volspec.mesh.surfaces import MAX_SHEETS, Surfaces, passed, same_surfaces
+from volspec.mesh.surfaces import MAX_SHEETS, Surfaces, same_surfaces, trace_visibility
 from volspec.raycast import (
     POINTS,
     OpacityCaster,
@@ -38,8 +38,8 @@ from volspec.raycast import (
     SurfaceImage,
     composite_under,
     edge_sample_points,
+    empty_result,
     neighbour_pixels,
-    nothing,
 )
 from volspec.raycast.launch import Transmittance, Visibility, world_rays
 from volspec.spectra import Spectrum
@@ -148,7 +148,7 @@ class MeshCaster:
         self._opaque = Surfaces(self.meshes, opaque, before) if opaque else None
         self._translucent = Surfaces(self.meshes, translucent, before) if translucent else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
-        self.clear: Visibility = partial(passed, self._opaque, self._translucent)
+        self.clear: Visibility = partial(trace_visibility, self._opaque, self._translucent)
         self._offset = 2.0 * max(
             part.rays.offset for part in (self._opaque, self._translucent) if part is not None
         )
@@ -246,7 +246,7 @@ class MeshCaster:
         """Return a picture of the meshes without a volume."""
         width, height = size
         shape = height, width, len(spec.groups) * self.basis.size
-        image = nothing(shape, np.float16 if spec.half else np.float32)
+        image = empty_result(shape, np.float16 if spec.half else np.float32)
         far = np.broadcast_to(np.float32(np.inf), (height, width))
         if (cut := self.within(None, spec)) is not None:
             opaque, *sheets = cut._pictures(camera, size, spec, {}, repeat(far))

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._extras import require_extra
 from volspec._triangles import read_triangles
 from volspec.appearance.display import sRGB_CURVE
-from volspec.errors import Code, MeshError, VolspecWarning, quoted
+from volspec.errors import Code, MeshError, VolspecWarning, quote
 from volspec.mesh.grating import Grating
 from volspec.mesh.texture import Texture
 
@@ -132,7 +132,7 @@ class Mesh:
             object.__setattr__(self, "material", self._colours(self.material, valid))
         elif not isinstance(self.material, str):
             remedy = "give a name, shares of names, a Texture or an array of colours"
-            raise self._error(f"material is {quoted(self.material)}", remedy, "type")
+            raise self._error(f"material is {quote(self.material)}", remedy, "type")
         for name, minimum in (("opacity", 1e-3), ("mirror", 0.0)):
             value = getattr(self, name)
             if not minimum <= value <= 1.0:

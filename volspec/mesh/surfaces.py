@@ -65,7 +65,7 @@ class Surfaces:
             corners, weights = mesh.triangles[hits.triangle[rows]], hits.shares[rows]
             points[rows] = origins[rows] + hits.along[rows, None] * directions[rows]
             flat = hits.across[rows]
-            normals[rows] = _facing(mesh, corners, weights, flat, directions[rows])
+            normals[rows] = _shading_normals(mesh, corners, weights, flat, directions[rows])
         return Seen(hits.along, points, normals, directions, numbers, hits.triangle, hits.shares)
 
     def sheets(self, origins: Array, directions: Array) -> Iterator[Seen]:
@@ -96,7 +96,7 @@ class Surfaces:
         return transmittance
 
 
-def passed(
+def trace_visibility(
     opaque: Surfaces | None, translucent: Surfaces | None, starts: Array, ends: Array
 ) -> Array:
     """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
@@ -108,7 +108,7 @@ def passed(
     return transmittance
 
 
-def _facing(
+def _shading_normals(
     mesh: Mesh, corners: NDArray[np.intp], weights: Array, flat: Array, ways: Array
 ) -> Array:
     """Return unit normals (K, 3) at points of triangles, towards the eye; ``flat`` are theirs."""

@@ -203,7 +203,7 @@ def _read(path: Path) -> NDArray[Any]:
             cause = error
     scalars = None if image is None else image.active_scalars
     if scalars is None or not len(scalars):
-        raise _damaged(path) from cause
+        raise _damage_error(path) from cause
     width, height, _ = image.dimensions
     return np.asarray(scalars).reshape(height, width, *scalars.shape[1:])[::-1]
 
@@ -347,10 +347,10 @@ def _require_whole(path: Path) -> None:
         return
     except UnidentifiedImageError as error:
         if path.suffix.lower() not in (".tif", ".tiff"):  # of which VTK reads more
-            raise _damaged(path) from error
+            raise _damage_error(path) from error
     except (OSError, SyntaxError, ValueError) as error:
-        raise _damaged(path) from error
+        raise _damage_error(path) from error
 
 
-def _damaged(path: Path) -> MeshError:
+def _damage_error(path: Path) -> MeshError:
     return MeshError(f"{path}: cannot be read", "save it again", code="damaged")

@@ -69,7 +69,7 @@ def load_palette(path: FileName) -> Palette:
     file = palette_file(path)
     palette = _Reader(Path(path), file).palette()
     if file.auto_exposure:
-        with _named(os.fspath(path), "exposure:"):
+        with _prefix_errors(os.fspath(path), "exposure:"):
             return palette.with_exposure(fitted_exposure(palette))
     return palette
 
@@ -102,7 +102,7 @@ def palette_text(path: FileName) -> str:
 
 
 @contextmanager
-def _named(path: str, where: str) -> Iterator[None]:
+def _prefix_errors(path: str, where: str) -> Iterator[None]:
     """Prefix errors raised inside with the names of the file and the table."""
     try:
         yield
@@ -130,7 +130,7 @@ class _Reader:
         table, name = self.table, os.fspath(self.path)
         rows = (*table.light, *table.reflectance)
         grid = grid_of_values(next((len(row.values) for row in rows if row.values is not None), 0))
-        with _named(name, "[criteria]"):
+        with _prefix_errors(name, "[criteria]"):
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)
                 if grid.size > _MAX_BANDS:
@@ -140,7 +140,7 @@ class _Reader:
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)
         lights = tuple(self._member(row, grid) for row in table.light)
         cells = self._cells()
-        with _named(name, ""):
+        with _prefix_errors(name, ""):
             return Palette(
                 *(reflectances, lights, cells, table.viewing, grid, criteria),
                 level=table.criteria.level,
@@ -162,7 +162,7 @@ class _Reader:
         kind, find = (
             ("light", light) if isinstance(row, LightMember) else ("reflectance", reflectance)
         )
-        with _named(os.fspath(self.path), f"[[{kind}]] {row.name}:"):
+        with _prefix_errors(os.fspath(self.path), f"[[{kind}]] {row.name}:"):
             spectrum = self._values(row, grid)
             if spectrum is None and row.spectrum is not None:
                 spectrum = find(row.spectrum, grid, folder=self.path.parent)
@@ -191,7 +191,7 @@ class _Reader:
         cells: dict[Place, Cell] = {}
         groups: dict[str, tuple[int, Cell]] = {}
         for number, row in enumerate(self.table.cell, start=1):
-            with _named(os.fspath(self.path), f"cell {number}:"):
+            with _prefix_errors(os.fspath(self.path), f"cell {number}:"):
                 cell = _cell(row)
                 first, other = groups.setdefault(cell.group, (number, cell))
                 if cell.group and (cell.low, cell.high) != (other.low, other.high):

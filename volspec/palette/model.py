@@ -24,7 +24,7 @@ from pydantic import Field
 from volspec.appearance import Viewing
 from volspec.appearance.display import DeficiencyName
 from volspec.basis import SpectralBasis
-from volspec.errors import Code, PaletteError, SpectrumError, nearest, quoted
+from volspec.errors import Code, PaletteError, SpectrumError, nearest, quote
 from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import Fraction, Hint, NotNegative, Positive, settings
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
@@ -130,7 +130,7 @@ def _display_codes(field: str, value: object, remedy: str) -> Triple:
         raise PaletteError.refused(field, value, remedy, "type") from None
     if outside := [code for code in codes if not 0.0 <= code <= 1.0]:
         hint = "divide by 255" if 1.0 < max(outside) <= 255.0 else remedy
-        problem = f"{quoted(value)} has a code of {outside[0]:g}, which no display shows"
+        problem = f"{quote(value)} has a code of {outside[0]:g}, which no display shows"
         raise fault(field, f"{problem}; {hint}", "range", value)
     return codes
 
@@ -199,12 +199,12 @@ class Apart:
 
     def renamed(self, reflectances: Mapping[str, str], lights: Mapping[str, str]) -> Apart | None:
         """Return the row with new names, without those that have none; None if no pair is left."""
-        rows = tuple(reflectances[name] for name in _listed(self.reflectance, reflectances))
-        columns = tuple(lights[name] for name in _listed(self.light, lights))
+        rows = tuple(reflectances[name] for name in _select_known(self.reflectance, reflectances))
+        columns = tuple(lights[name] for name in _select_known(self.light, lights))
         return replace(self, reflectance=rows, light=columns) if rows[1:] and columns else None
 
 
-def _listed(value: str | tuple[str, ...], choices: Iterable[str]) -> list[str]:
+def _select_known(value: str | tuple[str, ...], choices: Iterable[str]) -> list[str]:
     """Return those of the given names that are known, each once, in their order."""
     names = choices if value == EVERY else (value,) if isinstance(value, str) else value
     return [name for name in dict.fromkeys(names) if name in choices]

@@ -31,7 +31,7 @@ from .surfaces import (
     edge_sample_points as edge_sample_points,
     mean_of_points as mean_of_points,
     neighbour_pixels as neighbour_pixels,
-    nothing as nothing,
+    empty_result as empty_result,
     composite_under as composite_under,
 )
 from .vtk_interop import plotter_camera as plotter_camera, require_open as require_open

@@ -57,14 +57,14 @@ def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) ->
     minimum = _MIN_FRAMED * radius
     if view.orthographic:
         height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
-        return _framed(view, 2 * radius / max(height, minimum), middle @ axes)
+        return _frame_view(view, 2 * radius / max(height, minimum), middle @ axes)
     distance = max(_span_within(x, z, tan_x)[0], _span_within(y, z, tan_y)[0], minimum)
     shift = [_centre_from(values, z, distance, slope) for values, slope in ((x, tan_x), (y, tan_y))]
     sine = math.sin(math.radians(view.fov_deg) / 2)
-    return _framed(view, radius / (distance * sine), (middle + [*shift, 0.0]) @ axes)
+    return _frame_view(view, radius / (distance * sine), (middle + [*shift, 0.0]) @ axes)
 
 
-def _framed(view: OrbitT, zoom: float, target_mm: Array) -> OrbitT:
+def _frame_view(view: OrbitT, zoom: float, target_mm: Array) -> OrbitT:
     """Return a view with a zoom, within `ZOOMS`, and a target."""
     x, y, z = target_mm.tolist()
     return replace(view, zoom=min(max(zoom, ZOOMS[0]), ZOOMS[1]), target_mm=(x, y, z))
@@ -124,7 +124,7 @@ def _around(
 
     Some voxels along each axis are enough: the error is below one percent of the picture.
     """
-    volume, values = _sampled(volume)
+    volume, values = _sample_voxels(volume)
     k, j, i = steps = tuple(step_along(size) for size in volume.values.shape)
     if lattice is None:
         visible, depth_per_mm = _visible_voxels(values, tables[0])
@@ -158,7 +158,7 @@ def _around(
     return points
 
 
-def _sampled(volume: Volume) -> tuple[Volume, NDArray[Any]]:
+def _sample_voxels(volume: Volume) -> tuple[Volume, NDArray[Any]]:
     """Return the lattice of a volume's finest level that is known, and every n-th voxel of it."""
     if volume.pyramid is not None and volume.pyramid.sample is not None:
         return volume.at_level(0), volume.pyramid.sample.voxels

@@ -53,11 +53,11 @@ from volspec.raycast.launch.light_volume import (
     LightGrid,
     Visibility,
     extinction_per_mm,
-    interpolated,
     light_layers,
     material_tables,
     sphere_directions,
     unblocked_part,
+    upsample_values,
 )
 from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.launch.sampling import (
@@ -767,7 +767,7 @@ def _on_nodes(
     lattice = grid.lattice(volume)
     voxels, dense = np.array(volume.shape_xyz) - 1, np.array(lattice) - 1
     if lattice != volume.shape_xyz:
-        values, _ = interpolated(volume.values, volume.shape_xyz, lattice, labels=labels)
+        values, _ = upsample_values(volume.values, volume.shape_xyz, lattice, labels=labels)
         if volume.missing is not None:
             values = np.where(values < volume.least_present, volume.missing, values)
         matrix = volume.world_from_index @ np.diag([*(voxels / dense), 1.0])

@@ -231,7 +231,10 @@ class Surfaces:
         if not self._projected:
             back = [layer for pair in zip(sheets, back[1:], strict=True) for layer in pair]
         elif sheets:
-            front, back = nothing(front.coefficients.shape, front.coefficients.dtype), sheets + back
+            front, back = (
+                empty_result(front.coefficients.shape, front.coefficients.dtype),
+                sheets + back,
+            )
             losses = [front.alpha[..., None]]
         else:
             back = []
@@ -352,7 +355,7 @@ class Surfaces:
         surfaces = replace(self, opacity=replace(self.opacity, arrives=arrives))
         opaque, _ = surfaces._pictures([Result(clear[..., None], clear, clear, clear)])
         channels = len(self.opacity.spec.groups) * self.opacity.table.size
-        result = nothing((*clear.shape, channels), np.float32)
+        result = empty_result((*clear.shape, channels), np.float32)
         for layer in opaque:
             composite_under(result, layer)
         return result
@@ -406,7 +409,7 @@ def _put_edge(
     surface : channels (K, L·M), alpha and depth in mm (K,)
     """
     mesh_channels, mesh_alpha, mesh_mm = surface
-    cast, other = _weighted(*(view[rows] for view in views)), _weighted(*further)
+    cast, other = _premultiply_rows(*(view[rows] for view in views)), _premultiply_rows(*further)
     channels, alpha, depth_mm, first_mm, loss = views
     width = loss.shape[-1]
     mesh = np.zeros_like(other)
@@ -431,7 +434,7 @@ def _put_edge(
     first_mm[rows] = np.minimum.reduce([first_mm[rows], further[3], seen_mm])
 
 
-def _weighted(
+def _premultiply_rows(
     channels: NDArray[np.floating],
     alpha: NDArray[np.float32],
     depth_mm: NDArray[np.float32],
@@ -459,7 +462,7 @@ def all_white(table: TransferTable) -> TransferTable:
     return replace(table, material_weights=weights, channels=ones, left=left)
 
 
-def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
+def empty_result(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
     """Return an empty picture of a shape (H, W, L·M)."""
     far = np.full(shape[:2], np.inf, np.float32)
     return Result(np.zeros(shape, dtype), np.zeros(shape[:2], np.float32), far, far.copy())

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from volspec._extras import require_extra
 from volspec.basis import Basis
 from volspec.camera import Camera
-from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quoted
+from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quote
 from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
 from volspec.transfer import TransferFunction, transfer_from_vtk
 from volspec.volume import Volume
@@ -131,7 +131,7 @@ def from_plotter(
 def require_open(plotter: Any) -> None:
     """Raise RaycastError unless given a plotter that is not closed."""
     if not (hasattr(plotter, "renderer") and hasattr(plotter, "render_window")):
-        raise RaycastError(f"plotter: got {quoted(plotter)}", "give a pyvista Plotter", code="type")
+        raise RaycastError(f"plotter: got {quote(plotter)}", "give a pyvista Plotter", code="type")
     if plotter.render_window is None:
         raise RaycastError(
             "plotter: it is closed",
@@ -180,7 +180,7 @@ def _find_volume(plotter: Any, name: str | None) -> tuple[Any, str]:
     if name is not None:
         if not isinstance(name, str) or name not in volumes:
             raise RaycastError(
-                f"plotter: no volume {quoted(name)}; {nearest(name, volumes)}"
+                f"plotter: no volume {quote(name)}; {nearest(name, volumes)}"
                 f"it has {', '.join(map(repr, volumes)) or 'none'}",
                 code="unknown",
             )

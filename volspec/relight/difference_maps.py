@@ -206,7 +206,7 @@ def error_map(
         raise ViewingError.refused("error map.every", every, "give a whole number from 1", "range")
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     if against == "cast":
-        return _estimated(image, spec, light, every, opacities or {}, difference)
+        return _estimate_error(image, spec, light, every, opacities or {}, difference)
     image = image if opacities is None else image.recompose(opacities)
     full = None if against == "exact" else full_band_basis(image)
     if full is None and against == "bands":
@@ -220,7 +220,7 @@ def error_map(
     truth = image if full is None else replace(image, basis=full)
     compared = f"{mode} against {_NAMES['bands' if full else 'exact']}"
     exact = replace(spec, mode="exact")
-    return _compared(image, spec, truth, exact, light, every, compared, difference)
+    return _compare_images(image, spec, truth, exact, light, every, compared, difference)
 
 
 def opacity_error(
@@ -257,7 +257,7 @@ def full_band_basis(image: CoefficientImage) -> Basis | None:
     return full if np.abs(residual).max(initial=0.0) < _UNEXPLAINED else None
 
 
-def _estimated(
+def _estimate_error(
     image: CoefficientImage,
     spec: RelightSpec,
     light: Spectrum | LightRig,
@@ -324,10 +324,10 @@ def difference_map(
         )
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     compared = f"{image.basis.name} ({mode}) against {truth.basis.name}"
-    return _compared(image, spec, truth, replace(spec, mode="exact"), light, 1, compared)
+    return _compare_images(image, spec, truth, replace(spec, mode="exact"), light, 1, compared)
 
 
-def _compared(
+def _compare_images(
     image: CoefficientImage,
     spec: RelightSpec,
     truth: CoefficientImage,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from volspec._gpu import (
     Allocation,
     Sharing,
-    abandoned,
+    abandoned_queue,
     context_name,
     current,
     describe,
@@ -105,7 +105,7 @@ class GLEngine:
                 self._handle = egl_handle()
         self._allocation = Allocation(self._context, self._handle, lent)
         # If it is not closed. At the end of the process the driver ends, too.
-        self._unclosed = weakref.finalize(self, abandoned().append, self._allocation)
+        self._unclosed = weakref.finalize(self, abandoned_queue().append, self._allocation)
         self._unclosed.atexit = False
         # The latest viewing and white, their transform, and its LUT once baked.
         self._latest: tuple[LutKey, ViewTransform, LutTransform | None] | None = None

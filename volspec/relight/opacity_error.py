@@ -81,12 +81,12 @@ class _Lit(NamedTuple):
 
     def in_pairs(self) -> _Lit:
         """Return each layer merged with the next, as `LayerStream` merges."""
-        colours = [_merged(*pair) for pair in zip(self.colours, self.tau, strict=True)]
-        gloss = _merged(self.gloss, self.tau.sum(axis=0))
+        colours = [_merge_layers(*pair) for pair in zip(self.colours, self.tau, strict=True)]
+        gloss = _merge_layers(self.gloss, self.tau.sum(axis=0))
         return _Lit(self.tau[:, :-1] + self.tau[:, 1:], np.stack(colours), gloss)
 
 
-def _merged(values: Pixels, tau: Pixels) -> Pixels:
+def _merge_layers(values: Pixels, tau: Pixels) -> Pixels:
     """Return the mean of (3, L, P) values of neighbours, weighted by what they show."""
     front = -np.expm1(-tau[:-1])
     back = (1 - front) * -np.expm1(-tau[1:])
@@ -104,7 +104,7 @@ def opacity_deviation(
     layers = layers.fading  # transmittances in front of surfaces are exact
     shaded = layers.shadow is not None or layers.occlusion is not None
     stack = _Lit.of(layers.lit(scales), XYZ_from_channels)
-    merging = _merging(stack.tau, _SHADED if shaded else 0)
+    merging = _merge_shares(stack.tau, _SHADED if shaded else 0)
     guesses = _guesses(stack, scales, *merging)
     fade = residual_share(scales, [True] * len(scales))
     if fade > 0:  # the error at scale 1 is known, and removed
@@ -118,7 +118,7 @@ def opacity_deviation(
     return (sign * np.sqrt(np.square(guesses).sum(axis=1))).T
 
 
-def _merging(tau: Pixels, mean_masses: float) -> tuple[Pixels, Pixels]:
+def _merge_shares(tau: Pixels, mean_masses: float) -> tuple[Pixels, Pixels]:
     """Return the mass of the greatest merged part by that of each layer and pair, 1 at most.
 
     That is the mass of the lightest neighbours, or some mean masses of a layer.

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import Code, RoomError, quoted
+from volspec.errors import Code, RoomError, quote
 from volspec.spectra.files import decoded_text, read_number
 
 Array = NDArray[np.float64]
@@ -150,11 +150,13 @@ def read_beam(path: str | os.PathLike[str]) -> Beam:
         beam = _READERS[suffix](_Words(name), decoded_text(name))
         total = beam.integral
     if not 0 < total < np.inf:
-        raise _refused(name, f"its intensity sums to {total:g}", "export it again", "damaged")
+        raise _beam_fault(name, f"its intensity sums to {total:g}", "export it again", "damaged")
     return beam
 
 
-def _refused(name: str, problem: str, remedy: str, code: Code, given: object = None) -> RoomError:
+def _beam_fault(
+    name: str, problem: str, remedy: str, code: Code, given: object = None
+) -> RoomError:
     return RoomError(f"{name}: {problem}", remedy, code=code, field="beam", given=given)
 
 
@@ -185,7 +187,7 @@ class _Words:
         """Return the next numbers, all of ``minimum`` or more."""
         words = self._words[self._next : self._next + count]
         if len(words) < count:
-            raise _refused(
+            raise _beam_fault(
                 self.path,
                 f"has {len(words)} of {count} numbers of {quantity}",
                 "it is cut off, export it again",
@@ -204,8 +206,8 @@ class _Words:
         return numbers
 
     def _bad(self, quantity: str, word: str, code: Code = "syntax") -> RoomError:
-        return _refused(
-            self.path, f"{quantity} is {quoted(word)}", "correct it, or export it again", code, word
+        return _beam_fault(
+            self.path, f"{quantity} is {quote(word)}", "correct it, or export it again", code, word
         )
 
 
@@ -214,7 +216,7 @@ def _beam(path: str, gamma: Array, c: Array, candela: Array, symmetry: str) -> B
     for plane, angles in (("vertical", gamma), ("horizontal", c)):
         if not (np.diff(angles) > 0).all():
             k = int(np.argmin(np.diff(angles) > 0))
-            raise _refused(
+            raise _beam_fault(
                 path,
                 f"{plane} angles {angles[k]:g} and {angles[k + 1]:g} do not increase",
                 "export it again",
@@ -222,7 +224,7 @@ def _beam(path: str, gamma: Array, c: Array, candela: Array, symmetry: str) -> B
                 float(angles[k + 1]),
             )
     if len(gamma) < 2 or gamma[-1] > 180.0:
-        raise _refused(
+        raise _beam_fault(
             path,
             f"its vertical angles are {gamma[0]:g} to {gamma[-1]:g}°",
             "expected two or more of 0 to 180°",
@@ -237,7 +239,7 @@ def _beam(path: str, gamma: Array, c: Array, candela: Array, symmetry: str) -> B
             planes.setdefault(round(sign * angle + turn, _ROUND_DEG) % 360.0, row)
     order = sorted(planes)
     if order[0] != 0.0:
-        raise _refused(
+        raise _beam_fault(
             path, f"its horizontal angles begin at {order[0]:g}°", "expected 0", "range", order[0]
         )
     rows = np.array([planes[angle] for angle in (*order, 0.0)])
@@ -248,12 +250,12 @@ def _read_ies(words: _Words, text: str) -> Beam:
     path, lines = words.path, text.splitlines()
     tilts = [(k, line) for k, line in enumerate(lines) if re.match(r"\s*TILT\s*=", line, re.I)]
     if not tilts:
-        raise _refused(path, "has no line TILT=", "give an IES LM-63 file", "damaged")
+        raise _beam_fault(path, "has no line TILT=", "give an IES LM-63 file", "damaged")
     start, line = tilts[0]
     tilt = line.partition("=")[2].strip()
     if tilt.upper() != "NONE":
-        raise _refused(
-            path, f"TILT is {quoted(tilt)}", "give a file with TILT=NONE", "unsupported", tilt
+        raise _beam_fault(
+            path, f"TILT is {quote(tilt)}", "give a file with TILT=NONE", "unsupported", tilt
         )
     words.fill(re.split(r"[\s,]+", "\n".join(lines[start + 1 :]).strip()))
     words.take("the number of lamps")
@@ -263,7 +265,7 @@ def _read_ies(words: _Words, text: str) -> Beam:
     photometry = words.integer("the photometric type")
     if photometry != 1:
         kind = _PHOTOMETRY.get(photometry, str(photometry))
-        raise _refused(
+        raise _beam_fault(
             path, f"its photometry is of type {kind}", "convert it to type C", "unsupported", kind
         )
     words.array("the units and size", 4, -np.inf)
@@ -279,7 +281,7 @@ def _read_ies(words: _Words, text: str) -> Beam:
     last = float(c[-1])
     symmetry = {0.0: "axis", 90.0: "two planes", 180.0: "one plane"}.get(last, "none")
     if c[0] != 0.0 or (symmetry == "none" and not 180.0 < last <= 360.0):
-        raise _refused(
+        raise _beam_fault(
             path,
             f"its horizontal angles are {c[0]:g} to {last:g}°",
             "expected 0, or 0 to 90, 180 or 360",
@@ -296,7 +298,7 @@ _ANGLES = ("vertical", "horizontal")
 def _read_ldt(words: _Words, text: str) -> Beam:
     path, lines = words.path, [line.strip() for line in text.splitlines()]
     if len(lines) < _LDT_HEAD + _LDT_LAMPS + _LDT_RATIOS:
-        raise _refused(
+        raise _beam_fault(
             path, f"has {len(lines)} lines", "give a EULUMDAT file, in full", "damaged", len(lines)
         )
     # Programs in many countries write decimal commas.
@@ -311,7 +313,7 @@ def _read_ldt(words: _Words, text: str) -> Beam:
     sets = words.integer("the number of sets of lamps")
     if symmetry not in _LDT_PLANES:
         remedy = "give a file with Isym 0 to 4"
-        raise _refused(path, f"the symmetry (Isym) is {symmetry}", remedy, "unknown", symmetry)
+        raise _beam_fault(path, f"the symmetry (Isym) is {symmetry}", remedy, "unknown", symmetry)
     kind, part = _LDT_PLANES[symmetry]
     after = _LDT_HEAD + sets * _LDT_LAMPS
     words.fill(numbers[_LDT_HEAD + 2 : after : _LDT_LAMPS])

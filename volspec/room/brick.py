@@ -212,7 +212,7 @@ def _patches(brick: Brick) -> list[list[Array]]:
     x = z = (0.0, 0.0)
     if brick.window_m is not None:
         left, bottom, width, height = brick.window_m
-        x, z = _snapped(left, left + width, w), _snapped(bottom, bottom + height, h)
+        x, z = _snap_range(left, left + width, w), _snap_range(bottom, bottom + height, h)
     left_right_back = ((0, 0), (0, d)), ((w, w), (0, d)), ((0, w), (d, d))
     upper, lower = (furnished, h), (0, furnished)
     patches = [
@@ -234,7 +234,7 @@ def _rectangle(x: Pair, y: Pair, z: Pair) -> Array:
     return np.array([x, y, z], dtype=np.float64)
 
 
-def _snapped(start: float, end: float, size: float) -> tuple[float, float]:
+def _snap_range(start: float, end: float, size: float) -> tuple[float, float]:
     """Return a range on a wall, its ends moved to the wall's where only rounding parts them."""
     slack = _ROUNDING * size
     return (0.0 if start < slack else start), (size if end > size - slack else end)

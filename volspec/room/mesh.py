@@ -129,7 +129,7 @@ class RoomMesh:
 
     def part(self, rows: slice | NDArray[np.intp] | NDArray[np.bool_]) -> RoomMesh:
         """Return some of the triangles."""
-        return _unchecked(self.corners_m[rows], self.surface[rows], self.names)
+        return _trusted_mesh(self.corners_m[rows], self.surface[rows], self.names)
 
     def points(self, uv: Array) -> Array:
         """Return points of each triangle: (N, P, 3) for (P, 2) or (N, P, 2) in the unit square.
@@ -156,7 +156,7 @@ class RoomMesh:
         parents = np.repeat(rows, counts)
         second = np.concatenate([[False], parents[1:] == parents[:-1]]).astype(np.intp)
         parts = np.where(halved[parents, None, None], halves[parents, second], corners[parents])
-        return _unchecked(parts, self.surface[parents], self.names)
+        return _trusted_mesh(parts, self.surface[parents], self.names)
 
     def with_edges(self, longest_m: float) -> RoomMesh:
         """Return the mesh with triangles halved until no side is longer."""
@@ -179,7 +179,7 @@ class RoomMesh:
         )
 
 
-def _unchecked(corners_m: Array, surface: NDArray[np.intp], names: tuple[str, ...]) -> RoomMesh:
+def _trusted_mesh(corners_m: Array, surface: NDArray[np.intp], names: tuple[str, ...]) -> RoomMesh:
     """Return a mesh whose triangles are parts of checked ones."""
     mesh = object.__new__(RoomMesh)
     for name, value in (("corners_m", corners_m), ("surface", surface), ("names", names)):

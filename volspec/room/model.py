@@ -118,8 +118,8 @@ class Room:
         if not emitting and not any(map(np.any, powers)):
             remedy = "give a surface that emits, a lamp or the sun"
             raise RoomError("the room has no light", remedy, code="missing")
-        object.__setattr__(self, "lamps", _named("lamp", self.lamps))
-        object.__setattr__(self, "suns", _named("sun", self.suns))
+        object.__setattr__(self, "lamps", _name_lights("lamp", self.lamps))
+        object.__setattr__(self, "suns", _name_lights("sun", self.suns))
         named = [*self.exitances, *(lamp.name for lamp in self.lamps)]
         named += [sun.name for sun in self.suns]
         if twice := next((name for name in named if named.count(name) > 1), None):
@@ -191,7 +191,7 @@ class Room:
         return np.array([self.exitances.get(name, dark) for name in self.mesh.names])
 
 
-def _named(kind: str, lights: Sequence[Light]) -> tuple[Light, ...]:
+def _name_lights(kind: str, lights: Sequence[Light]) -> tuple[Light, ...]:
     """Return lamps or suns with names; those without one are numbered."""
     numbered = enumerate(lights, 1)
     return tuple(

@@ -75,12 +75,12 @@ def paint_set(
     """
     paints: dict[str, Spectrum] = {}
     for name in names:
-        for paint in _named(name.strip(), grid, folder):
+        for paint in _find_paints(name.strip(), grid, folder):
             paints.setdefault(paint.name, paint)
     return tuple(paints.values())
 
 
-def _named(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) -> list[Spectrum]:
+def _find_paints(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) -> list[Spectrum]:
     """Return the paints of one name."""
     if name in reflectance_sets():
         return [reflectance(n, grid) for n in reflectance_set_names(name)]

@@ -117,7 +117,7 @@ class RoomLight:
         Direct light and form factors stay. Raises RoomError as `Room` does.
         """
         room = self.room.painted(paints)
-        return _solved(room, self.mesh, self.direct, self.patch_error, self.rays, self.factors)
+        return _solve_light(room, self.mesh, self.direct, self.patch_error, self.rays, self.factors)
 
     def irradiance_at(self, points_m: ArrayLike, normals: ArrayLike) -> Array:
         """Return the irradiance (P, B), W/m² per band, of small surfaces at points with normals.
@@ -187,17 +187,17 @@ def solve_room(
             given=patches,
         )
     progress("direct light", 0.0)
-    mesh, direct, patch_error = _refined(room, patches, rays // _SHADOWS)
+    mesh, direct, patch_error = _refine_patches(room, patches, rays // _SHADOWS)
     progress("direct light", 1.0)
     shot = Rays(mesh)
     factors = form_factors(shot, per_patch, seed, lambda part: progress("form factors", part))
     progress("interreflections", 0.0)
-    solved = _solved(room, mesh, direct, patch_error, shot, factors)
+    solved = _solve_light(room, mesh, direct, patch_error, shot, factors)
     progress("interreflections", 1.0)
     return solved
 
 
-def _solved(
+def _solve_light(
     room: Room,
     mesh: RoomMesh,
     direct: Array,
@@ -279,7 +279,7 @@ def _looks(rays: Rays, samples: Array) -> tuple[Array, Array]:
     )
 
 
-def _refined(room: Room, patches: int, shadow_rays: int) -> tuple[RoomMesh, Array, float]:
+def _refine_patches(room: Room, patches: int, shadow_rays: int) -> tuple[RoomMesh, Array, float]:
     """Return patches, the direct light (N, B) on them, and how uneven it is within them."""
     area = float(room.mesh.areas_m2.sum())
     mesh = room.mesh.with_edges(float(np.sqrt(4.0 * area / max(_COARSE * patches, 1))))

@@ -161,7 +161,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
     )
 
 
-def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+def update_table(table: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
     """Return ``[basis]`` with changes; keys that conflict with them are removed."""
     kept = {key: value for key, value in table.items() if key != "name"}
     if changes.get("method", kept.get("method")) != "materials":

@@ -162,7 +162,7 @@ def _new_file(
     return read_table(SceneFile, document, SceneError)
 
 
-def framed(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> SceneFile:
+def fit_frame(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> SceneFile:
     """Return the file with its orbit framing points (N, 3) in a square."""
     fitted: CameraSpec = framing.fit_points(file.camera, volume, points_mm, 1.0)
     digits = _DIGITS - 1 - math.floor(math.log10(radius_mm(volume)))

@@ -29,10 +29,10 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec, framing
 from volspec.raycast.launch import Cancel, Progress
 from volspec.relight import Look, RelightSpec
-from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained, with_samples
+from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, update_table, with_samples
 from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
-from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
+from volspec.scene.from_volume import fit_frame, mesh_file, of_own_colours, volume_file, volume_path
 from volspec.scene.resolve import Resolver
 from volspec.scene.tables.lights import Lights
 from volspec.scene.tables.specs import CameraSpec
@@ -199,7 +199,7 @@ class Scene:
         """
         data = scene_data(path)
         if basis:
-            data["basis"] = retrained(data.get("basis", {}), basis)
+            data["basis"] = update_table(data.get("basis", {}), basis)
         return cls(scene_file(data, path), path)
 
     @classmethod
@@ -274,7 +274,7 @@ class Scene:
         scene._series = series
         if source is not None:
             scene._resolver = replace(scene._resolver, source=source)
-        scene.file = framed(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
+        scene.file = fit_frame(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
     @classmethod
@@ -323,7 +323,7 @@ class Scene:
         points_mm = np.concatenate([mesh.points_mm for mesh in surfaces])
         scene = cls(of_own_colours(names.file, surfaces), path)
         scene._resolver.read.update(names.read)
-        scene.file = framed(scene.file, scene.volume(), points_mm)
+        scene.file = fit_frame(scene.file, scene.volume(), points_mm)
         return scene
 
     def save(self, path: str | os.PathLike[str] | None = None) -> Path:

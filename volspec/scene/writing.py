@@ -91,8 +91,8 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Origin | No
     target = require_suffix(path, "scenes", ".toml", error=SceneError)
     text, ends = None, "\n"
     if like is not None:
-        file = rebased(_with_numbers(file, like.known), like.folder, target)
-        text = _edited(file, like.path, target)
+        file = rebase_scene(_with_numbers(file, like.known), like.folder, target)
+        text = _edit_source(file, like.path, target)
         ends = line_end(like.path) if text is not None else ends
     text = _from_scratch(file) if text is None else text
     try:
@@ -121,7 +121,7 @@ def _with_numbers(file: SceneFile, unsaved: Mapping[str, Spectrum]) -> SceneFile
     return replace(file, material=materials, light=lights) if unsaved else file
 
 
-def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
+def rebase_scene(file: SceneFile, folder: Path, path: Path) -> SceneFile:
     """Return the same scene for a file in another folder, with paths relative to that.
 
     Raises SceneError if a mix of lights cannot be read.
@@ -170,7 +170,7 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
     )
 
 
-def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
+def _edit_source(file: SceneFile, source: Path, target: Path) -> str | None:
     """Return the source's text, changed to match the file; None if that is impossible."""
     from tomlkit.exceptions import TOMLKitError
 

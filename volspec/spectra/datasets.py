@@ -35,25 +35,25 @@ Observer = Literal[2, 10, "CIE 2015 2", "CIE 2015 10"]
 def observers() -> Mapping[str, Table]:
     """Colour-matching functions x, y, z by colour-science's name: values are (L, 3)."""
     names = _OBSERVERS.values()
-    return _cached("observers", lambda: _tables(colour_science().MSDS_CMFS, names))
+    return _cache_tables("observers", lambda: _tables(colour_science().MSDS_CMFS, names))
 
 
 @cache
 def illuminants() -> Mapping[str, Table]:
     """CIE and ISO illuminants."""
-    return _cached("illuminants", lambda: _tables(colour_science().SDS_ILLUMINANTS))
+    return _cache_tables("illuminants", lambda: _tables(colour_science().SDS_ILLUMINANTS))
 
 
 @cache
 def light_sources() -> Mapping[str, Table]:
     """Measured lamps."""
-    return _cached("light-sources", lambda: _tables(colour_science().SDS_LIGHT_SOURCES))
+    return _cache_tables("light-sources", lambda: _tables(colour_science().SDS_LIGHT_SOURCES))
 
 
 @cache
 def daylight_components() -> Mapping[str, Table]:
     """S0, S1 and S2, which sum to daylight of any temperature (CIE 15:2018, table T.2)."""
-    return _cached(
+    return _cache_tables(
         "daylight",
         lambda: _tables(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
     )
@@ -62,7 +62,7 @@ def daylight_components() -> Mapping[str, Table]:
 @cache
 def reflectances() -> Mapping[str, Table]:
     """Charts and test samples as ``SET/name``; numbers in a set begin at 1."""
-    return _cached("reflectances", _reflectances)
+    return _cache_tables("reflectances", _reflectances)
 
 
 def _reflectances() -> dict[str, Table]:
@@ -98,7 +98,7 @@ def _tables(group: Mapping[str, Any], names: Iterable[str] | None = None) -> dic
     return {name: (group[name].wavelengths, group[name].values) for name in names or group}
 
 
-def _cached(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
+def _cache_tables(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Table]:
     """Return tables from the cache, or read them from colour-science."""
     reader = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     maker = f"colour-science {version('colour-science')}, reader {reader}"

@@ -17,7 +17,7 @@ from volspec.spectra import Observer, SpectralGrid, reflectance
 from volspec.transfer.fields import OWN, FieldFunctions
 from volspec.transfer.label_look import mix_text, smits_weights
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.presets import histogram_of, rounded, step_mm
+from volspec.transfer.presets import histogram_of, round_to, step_mm
 from volspec.volume import Channel, Volume, unique_titles
 
 Colour = tuple[float, float, float]
@@ -63,7 +63,7 @@ def channel_functions(
         texts[material] = mix_text(smits_weights(channel_colour(field.channel, number)))
         role = name
         low, high = channel_limits(field, (step.by_role[role] for step in steps))
-        middle = rounded(low + _MIDDLE * (high - low), high - low)
+        middle = round_to(low + _MIDDLE * (high - low), high - low)
         points[name] = [
             (low, 0.0, material),
             (middle, _MIDDLE_OPACITY, material),
@@ -108,4 +108,4 @@ def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tupl
     low, high = (edges[np.searchsorted(below, q * below[-1]) + 1] for q in _QUANTILES)
     if high <= low:
         low = minimum
-    return rounded(low, high - low), rounded(high, high - low)
+    return round_to(low, high - low), round_to(high, high - low)

@@ -267,7 +267,7 @@ class FieldTables:
 
         def remixed(table: TransferTable) -> TransferTable:
             rows = np.eye(len(channels))[[next(numbers) for _ in table.channels]]
-            return _remixed(table, rows if few else table.channels, channels, few)
+            return _remap_materials(table, rows if few else table.channels, channels, few)
 
         return combined.changed(remixed)
 
@@ -318,7 +318,7 @@ class FieldTables:
         return self._first.white
 
 
-def _remixed(
+def _remap_materials(
     table: TransferTable, rows: NDArray[np.float64], channels: NDArray[np.float64], few: bool
 ) -> TransferTable:
     """Return a table of other materials: a weight of its k-th one is ``rows[k]`` of these."""
@@ -333,11 +333,11 @@ def _remixed(
     )
 
 
-def weighted(table: TransferTable, weight: float) -> TransferTable:
+def scale_taus(table: TransferTable, weight: float) -> TransferTable:
     """Return a table whose extinction is multiplied by a weight.
 
     >>> table = TransferTable((0, 1), [0.0, 0.75], [[1], [1]], reference_step_mm=1)
-    >>> weighted(table, 0.5).opacity.tolist()
+    >>> scale_taus(table, 0.5).opacity.tolist()
     [0.0, 0.5]
     """
     if weight == 1.0:

@@ -25,7 +25,7 @@ from volspec.transfer.fields import (
     Label,
     Mask,
     MaskTables,
-    weighted,
+    scale_taus,
 )
 from volspec.transfer.kinds import Table, Tables, Transfer, Transfers
 from volspec.transfer.label_look import unique_names
@@ -74,7 +74,7 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
         name, function = key or volume.name, transfer.functions[key]
         table = _bake(function, fields[name])
         assert isinstance(table, TransferTable)
-        tables[name] = weighted(table, weight)
+        tables[name] = scale_taus(table, weight)
         if key in transfer.masks:
             mask = transfer.masks[key]
             curves = [curve for curve in mask.curves if curve is not function]
@@ -85,7 +85,9 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
                 raise error.at(f"{where}.field") from None
             masks[name] = MaskTables(
                 labels.field.name,
-                tuple(weighted(_bake_row(curve, fields[name], table), weight) for curve in curves),
+                tuple(
+                    scale_taus(_bake_row(curve, fields[name], table), weight) for curve in curves
+                ),
                 *_rows_between(mask, curves, labels, where),
             )
     if list(tables) == [volume.name] and not masks:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis, MaterialBasis
-from volspec.errors import TransferError, nearest, quoted
+from volspec.errors import TransferError, nearest, quote
 from volspec.transfer.fields import FieldTables
 from volspec.transfer.kinds import Tables
 from volspec.transfer.table import Entries, TransferTable
@@ -39,10 +39,10 @@ def scale_opacities(table: Tables, basis: Basis, opacities: Mapping[str, float])
 
     def scaled(one: TransferTable) -> TransferTable:
         rows = scales[one.channels.argmax(axis=1)]
-        opacity, weights = _scaled(one.opacity, one.material_weights, rows)
+        opacity, weights = _scale_depths(one.opacity, one.material_weights, rows)
         left = one.left
         if left is not None:
-            left = Entries(*_scaled(left.opacity, left.material_weights, rows), None)
+            left = Entries(*_scale_depths(left.opacity, left.material_weights, rows), None)
         return replace(one, opacity=opacity, material_weights=weights, left=left)
 
     if isinstance(table, FieldTables):
@@ -50,7 +50,7 @@ def scale_opacities(table: Tables, basis: Basis, opacities: Mapping[str, float])
     if isinstance(table, TransferTable):
         return scaled(table)
     rows = scales[table.channels.argmax(axis=1)]
-    opacity, weights = _scaled(table.opacity, table.material_weights, rows)
+    opacity, weights = _scale_depths(table.opacity, table.material_weights, rows)
     return replace(table, opacity=opacity, material_weights=weights)
 
 
@@ -69,14 +69,14 @@ def check_opacities(basis: Basis, opacities: Mapping[str, float]) -> None:
     for name in opacities:
         if name not in basis.materials:
             raise TransferError(
-                f"there is no material {quoted(name)}; {nearest(name, basis.materials)}"
+                f"there is no material {quote(name)}; {nearest(name, basis.materials)}"
                 f"known: {', '.join(basis.materials)}",
                 code="unknown",
                 field="raycast: opacities",
             )
 
 
-def _scaled(opacity: Array, weights: Array, scales: Array) -> tuple[Array, Array]:
+def _scale_depths(opacity: Array, weights: Array, scales: Array) -> tuple[Array, Array]:
     """Return (…,) opacities and (…, K) weights with (K,) scales of the optical depths."""
     before, after = weights.sum(axis=-1), weights @ scales
     ratio = np.where(before > 0, after / np.where(before > 0, before, 1), 1.0)

@@ -50,12 +50,12 @@ class Preset:
         return {name: reflectance for name, (reflectance, _) in self.parts.items()}
 
 
-def _shipped() -> tuple[Preset, ...]:
+def _load_presets() -> tuple[Preset, ...]:
     table = parse_toml(asset("data/presets.toml").read_text(encoding="utf-8"))
     return tuple(read_table(Preset, row, InputError) for row in table["preset"])
 
 
-PRESETS = _shipped()
+PRESETS = _load_presets()
 BY_NAME = {preset.name: preset for preset in PRESETS}
 DEFAULT = "soft-hard"
 
@@ -202,7 +202,7 @@ def preset_points(
     low, high = value_span(volume)
     marks = _marks(volume, counts)
     curve = [
-        (min(max(rounded(np.interp(hu, _MARKS_HU, marks), high - low), low), high), opacity, name)
+        (min(max(round_to(np.interp(hu, _MARKS_HU, marks), high - low), low), high), opacity, name)
         for name, (_, points) in preset.parts.items()
         for hu, opacity in points
     ]
@@ -211,7 +211,7 @@ def preset_points(
     return curve
 
 
-def rounded(value: float, span: float) -> float:
+def round_to(value: float, span: float) -> float:
     """Return a value of a range that spans so much, rounded for people who read it in a scene."""
     return round(float(value), 3 - math.floor(math.log10(span))) if span else value
 

@@ -200,7 +200,7 @@ KNOWN = ", ".join(kind.name for kind in FORMATS if kind is not RAW)
 
 def format_of(path: Path, head: bytes) -> Format | None:
     """Return the format of a file with some first bytes ; None if it is unknown."""
-    unpacked = _unpacked(path) if head.startswith(GZIP) else head
+    unpacked = _peek_gzip(path) if head.startswith(GZIP) else head
     by_name = [kind for kind in FORMATS if path.name.lower().endswith(kind.suffixes)]
     by_content = [kind for kind in FORMATS if kind.begins(unpacked if kind.unpacks else head)]
     if RAW in by_name:  # whatever its bytes happen to look like
@@ -211,7 +211,7 @@ def format_of(path: Path, head: bytes) -> Format | None:
     return next(iter((*both, *by_content, *by_name)), None)
 
 
-def _unpacked(path: Path) -> bytes:
+def _peek_gzip(path: Path) -> bytes:
     """Return the first bytes in a file that is packed by gzip; none if it is damaged."""
     with suppress(OSError, EOFError, zlib.error), gzip.open(path) as file:
         return file.read(_LOOKED_AT)

@@ -60,7 +60,7 @@ def find_labels(
     """Return the labels of a volume without the background; empty if it holds none.
 
     The values' ``span`` is (least, greatest); ``ids`` are the labels' numbers by value, if they
-    were `renumbered`. ``names`` are those of the header or tables; ``certain`` says that one of
+    were renumbered. ``names`` are those of the header or tables; ``certain`` says that one of
     them states that the values are labels. Otherwise they are if they look like it, or if nearly
     all of them have a name.
     """
@@ -74,14 +74,14 @@ def find_labels(
     return {number: names.get(number, Label()) for number in numbers}
 
 
-def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], tuple[int, ...]]:
+def renumber_labels(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], tuple[int, ...]]:
     """Return labels of which some are above 65535 as consecutive values, and their numbers.
 
     These are by value. Other values are returned as they are, without numbers; so are measurements,
     unless ``certain`` says that the values are labels.
 
     >>> ids = np.kron([[[0, 0, 70000], [0, 997, 614454272]]] * 2, np.ones((4, 4, 4), np.uint32))
-    >>> found, numbers = renumbered(ids, False)
+    >>> found, numbers = renumber_labels(ids, False)
     >>> numbers, found.dtype.name, int(found.max())
     ((0, 997, 70000, 614454272), 'uint16', 3)
     """

@@ -20,7 +20,7 @@ import numpy as np
 
 from volspec._confine import require_links_inside
 from volspec._files import nearest_file
-from volspec.errors import VolspecWarning, VolumeError, quoted
+from volspec.errors import VolspecWarning, VolumeError, quote
 from volspec.volume import formats
 from volspec.volume.bundled import is_bundled, locate_volume
 from volspec.volume.channels import ALL, Channel, unique_titles
@@ -34,7 +34,7 @@ from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.presence import GZIP, require_contents, require_slices
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.slices import pictures_in
-from volspec.volume.labels import NAMED, Labels, find_labels, renumbered, why_no_labels
+from volspec.volume.labels import NAMED, Labels, find_labels, renumber_labels, why_no_labels
 from volspec.volume.levels.pyramid import Level, Stack
 from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
@@ -241,7 +241,7 @@ def _read_field(query: Query, library: str, name: str, notes: list[str]) -> Volu
         notes += filter(None, [note])
         channel = channel.on_log_scale()
     else:
-        values, numbers = renumbered(values, certain)
+        values, numbers = renumber_labels(values, certain)
     volume = Volume(
         values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
@@ -411,7 +411,7 @@ def _require_utf_8(path: Path) -> None:
         str(path).encode()
     except UnicodeEncodeError:
         raise VolumeError(
-            f"{quoted(str(path), 200)}: its name is not UTF-8, and the library that reads it opens "
+            f"{quote(str(path), 200)}: its name is not UTF-8, and the library that reads it opens "
             "no other names; rename it, or work in a UTF-8 locale",
             code="unsupported",
         ) from None

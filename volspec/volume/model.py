@@ -34,7 +34,7 @@ from volspec.volume.checks import (
 )
 from volspec.volume.files.lattice import mm_per_unit
 from volspec.volume.files.vtk_grid import volume_fields
-from volspec.volume.labels import Labels, renumbered
+from volspec.volume.labels import Labels, renumber_labels
 from volspec.volume.levels.pyramid import Pyramid
 from volspec.volume.levels.sample import typical_range
 from volspec.volume.metadata import Metadata
@@ -124,7 +124,7 @@ class Volume:
     def __post_init__(self) -> None:
         array, lattice = array_and_lattice(self.values, self.name)
         if self.labels and not self.numbers:
-            array, numbers = renumbered(np.asarray(array), certain=True)
+            array, numbers = renumber_labels(np.asarray(array), certain=True)
             object.__setattr__(self, "numbers", numbers)
         values, span, missing = checked_values(array, self.name, self.missing)
         if self.pyramid is not None:

@@ -326,7 +326,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
         reading = read(query)
         values, memory = reading.values, None
         if not isinstance(values, Stored):
-            values, memory = _shared(values)
+            values, memory = _share_array(values)
     except ChoicesListed:
         return {"choices": [asdict(choice) for choice in query.choices or ()]}, None
     except VolspecError as error:
@@ -379,7 +379,7 @@ def _listen(requests: SimpleQueue[bytes]) -> None:
     os._exit(0)  # the parent has ended; stop any reading
 
 
-def _shared(values: NDArray[Any]) -> tuple[Stored, int]:
+def _share_array(values: NDArray[Any]) -> tuple[Stored, int]:
     """Copy an array into shared memory; return its location and the handle that owns it.
 
     ``multiprocessing.shared_memory`` is not used: it fills /dev/shm, which is small in containers,

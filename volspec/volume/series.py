@@ -251,7 +251,7 @@ def load_series(path: str | os.PathLike[str], *, kept_bytes: int = KEPT_BYTES) -
             "give a file of several, or a pattern of files, such as 'beat/*.nrrd'",
             code="missing",
         )
-    return _opened(addresses, kept_bytes)
+    return _open_series(addresses, kept_bytes)
 
 
 def open_volume(address: str) -> tuple[Volume, Series | None]:
@@ -262,7 +262,7 @@ def open_volume(address: str) -> tuple[Volume, Series | None]:
     source = volume_or_steps(address)
     if isinstance(source, Volume):
         return source, None
-    series = _opened(source, KEPT_BYTES)
+    series = _open_series(source, KEPT_BYTES)
     return series[0], series
 
 
@@ -308,7 +308,7 @@ def volume_or_steps(address: str) -> Volume | tuple[str, ...]:
         return addresses
 
 
-def _opened(addresses: Sequence[str], kept_bytes: int) -> Series:
+def _open_series(addresses: Sequence[str], kept_bytes: int) -> Series:
     loads = [partial(load_step, path, number) for number, path in enumerate(addresses)]
     return Series(loads, addresses, kept_bytes)
 

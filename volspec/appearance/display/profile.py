@@ -109,12 +109,12 @@ def _tags(data: bytes) -> dict[str, bytes]:
 
 
 def _colour_space(name: str, tags: dict[str, bytes]) -> ColourSpace:
-    columns = np.stack([_fixed(tags[f"{c}XYZ"], 3) for c in "rgb"], axis=1)
+    columns = np.stack([_read_fixed(tags[f"{c}XYZ"], 3) for c in "rgb"], axis=1)
     if "chad" in tags:
-        adapted = _fixed(tags["chad"], 9).reshape(3, 3)
+        adapted = _read_fixed(tags["chad"], 9).reshape(3, 3)
     else:  # version 2: Bradford's adaptation from the media's white to D50
         with np.errstate(all="ignore"):  # `ColourSpace` refuses a white of 0
-            adapted = D50_from_white(_fixed(tags["wtpt"], 3))
+            adapted = D50_from_white(_read_fixed(tags["wtpt"], 3))
     XYZ = np.linalg.solve(adapted, columns)
     red, green, blue, white_xy = (_xy(v) for v in (*XYZ.T, XYZ.sum(axis=1)))
     curves = [_curve(tags[f"{c}TRC"]) for c in "rgb"]
@@ -140,7 +140,7 @@ def _numbers(tag: bytes, start: int, kind: str, count: int) -> Array:
     return np.frombuffer(tag, dtype=kind, count=count, offset=start).astype(np.float64)
 
 
-def _fixed(tag: bytes, count: int, start: int = 8) -> Array:
+def _read_fixed(tag: bytes, count: int, start: int = 8) -> Array:
     """Return s15Fixed16Numbers of a tag."""
     return _numbers(tag, start, ">i4", count) / 65536.0
 
@@ -149,7 +149,7 @@ def _curve(tag: bytes) -> Transfer:
     kind = tag[:4]
     if kind == b"para":
         (number,) = struct.unpack_from(">H", tag, 8)
-        values = _fixed(tag, _PARAMETERS[number], start=12).tolist()
+        values = _read_fixed(tag, _PARAMETERS[number], start=12).tolist()
         if number in (1, 2):  # (g, a, b[, c]): black below -b/a, useless for a display
             raise ViewingError(
                 f"its curves lift black (parametric type {number})",

@@ -1,4 +1,4 @@
-"""Appearance models by name; each has ``NAME``, ``forward``, ``inverse`` and ``continued``.
+"""Appearance models by name; each has ``NAME``, ``forward``, ``inverse`` and ``invert_beyond``.
 
 ViewingConditions, XYZ -> [models] -> Appearance -> [models] -> XYZ
 """

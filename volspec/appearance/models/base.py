@@ -1,6 +1,6 @@
 """The contract of an appearance model, and the parts that several models share.
 
-A model has a ``NAME``, ``forward``, ``inverse`` and ``continued``; most models are modules.
+A model has a ``NAME``, ``forward``, ``inverse`` and ``invert_beyond``; most models are modules.
 
 References
 ----------
@@ -75,7 +75,7 @@ class Model(Protocol):
         NaN if no `defined` XYZ has this appearance.
         """
 
-    def continued(
+    def invert_beyond(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
         """Return `inverse`, extended smoothly beyond its domain for pictures; NaN past that."""

@@ -418,7 +418,7 @@ class CamModel:
         """See `volspec.appearance.models.Model.inverse`."""
         return inverse(J, C, h, CamConditions.of_viewing(conditions, self.NAME))
 
-    def continued(
+    def invert_beyond(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
         """Return `inverse`, which has no continuation beyond its domain."""

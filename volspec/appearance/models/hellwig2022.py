@@ -86,11 +86,11 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if there is none."""
-    XYZ = continued(J, C, h, conditions)
+    XYZ = invert_beyond(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
-def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+def invert_beyond(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return `inverse`, extended to negative responses; NaN for J below 0 and past the pole."""
     J, C, h = broadcast(NAME, J, C, h)
     eye = CamConditions.of_viewing(conditions, NAME)

@@ -339,11 +339,11 @@ def inverse(
 
     NaN if no `defined` XYZ has this appearance. (Black has some lightness.)
     """
-    XYZ = continued(J, C, h, conditions, settings, S)
+    XYZ = invert_beyond(J, C, h, conditions, settings, S)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions, settings, S))
 
 
-def continued(
+def invert_beyond(
     J: ArrayLike,
     C: ArrayLike,
     h: ArrayLike,

@@ -62,7 +62,7 @@ def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
         np.moveaxis(np.asarray(Lab, dtype=np.float64), -1, 0) for Lab in (Lab_1, Lab_2)
     )
     # Near-greys are spread apart: a is stretched where chroma is low.
-    stretch = 1.0 + 0.5 * (1.0 - _saturated((np.hypot(a_1, b_1) + np.hypot(a_2, b_2)) / 2.0))
+    stretch = 1.0 + 0.5 * (1.0 - _weigh_chroma((np.hypot(a_1, b_1) + np.hypot(a_2, b_2)) / 2.0))
     (C_1, h_1), (C_2, h_2) = _polar(stretch * a_1, b_1), _polar(stretch * a_2, b_2)
     dL, dC, dh = L_2 - L_1, C_2 - C_1, h_2 - h_1
     dh = dh - 360.0 * (dh > 180.0) + 360.0 * (dh < -180.0)
@@ -73,7 +73,7 @@ def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
     S_L = 1.0 + 0.015 * (L - 50.0) ** 2 / np.sqrt(20.0 + (L - 50.0) ** 2)
     S_C, S_H = 1.0 + 0.045 * C, 1.0 + 0.015 * C * T
     blue = 30.0 * np.exp(-(((h - 275.0) / 25.0) ** 2))
-    R_T = -2.0 * _saturated(C) * np.sin(np.radians(2.0 * blue))
+    R_T = -2.0 * _weigh_chroma(C) * np.sin(np.radians(2.0 * blue))
     lightness, chroma, hue = dL / S_L, dC / S_C, dH / S_H
     # Rounding can make the square for equal colours negative.
     square = lightness**2 + chroma**2 + hue**2 + R_T * chroma * hue
@@ -84,7 +84,7 @@ def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
 _HUE_TERMS = ((-0.17, 1, -30.0), (0.24, 2, 0.0), (0.32, 3, 6.0), (-0.20, 4, -63.0))
 
 
-def _saturated(C: Array) -> Array:
+def _weigh_chroma(C: Array) -> Array:
     return np.sqrt(C**7 / (C**7 + 25.0**7))
 
 
@@ -182,11 +182,11 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of an L*, C* and h, in closed form; NaN if one of them is below 0."""
-    XYZ = continued(J, C, h, conditions)
+    XYZ = invert_beyond(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
-def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+def invert_beyond(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return `inverse`, extended below 0 on the linear toe; never NaN."""
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 

@@ -146,11 +146,11 @@ def inverse(
     t and p determine x_R - x_G, where x are the logarithms times their exponents; Q then increases
     with x_G piecewise linearly, in three pieces that meet where x_R or x_G is 0.
     """
-    XYZ = continued(J, C, h, conditions, settings)
+    XYZ = invert_beyond(J, C, h, conditions, settings)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions, settings))
 
 
-def continued(
+def invert_beyond(
     J: ArrayLike,
     C: ArrayLike,
     h: ArrayLike,

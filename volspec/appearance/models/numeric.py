@@ -1,7 +1,7 @@
 """Numeric inverses: a root finder in one unknown, and the inverse of any model, in three.
 
     model.forward; J, C, h -> [invert] -> XYZ
-    model.continued; J, C, h -> [nearest_inverse] -> XYZ
+    model.invert_beyond; J, C, h -> [nearest_inverse] -> XYZ
 
 References
 ----------
@@ -79,11 +79,11 @@ def nearest_inverse(
     white = np.asarray(conditions.white_XYZ)
 
     def valid(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
-        XYZ = model.continued(j, c, hue, conditions)
+        XYZ = model.invert_beyond(j, c, hue, conditions)
         # Comparisons with NaN are False.
         return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
 
-    XYZ = model.continued(*look, conditions)
+    XYZ = model.invert_beyond(*look, conditions)
     undefined = np.asarray(~np.isfinite(XYZ).all(axis=-1))
     if undefined.any():
         j, c, hue = (values[undefined] for values in look)
@@ -92,7 +92,7 @@ def nearest_inverse(
         ray = j - grey
         j = grey + ray * _longest(lambda t, i: valid(grey + t * ray[i], 0.0 * t, hue[i]), len(j))
         c = c * _longest(lambda t, i: valid(j[i], t * c[i], hue[i]), len(j))
-        XYZ[undefined] = model.continued(j, c, hue, conditions)
+        XYZ[undefined] = model.invert_beyond(j, c, hue, conditions)
     return XYZ
 
 

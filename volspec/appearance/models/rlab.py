@@ -75,11 +75,11 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue; NaN if a channel is below 0 under D65."""
-    XYZ = continued(J, C, h, conditions)
+    XYZ = invert_beyond(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
-def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+def invert_beyond(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return `inverse`, extended below 0 by sign-preserving powers; never NaN."""
     powers = opponents(NAME, J, C, h) @ np.linalg.inv(LAB_FROM_POWERS).T
     reference = signed_power(powers, 1.0 / exponent(conditions.surround))

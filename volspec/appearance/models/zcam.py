@@ -155,7 +155,7 @@ class ZcamConditions:
             s=100.0 * self.F_L**0.6 * np.sqrt(ratio),
         )
 
-    def continued(self, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
+    def invert_beyond(self, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
         """Return the (..., 3) XYZ, cd/m², of J, C and h; NaN past PQ's pole."""
         J, C, h = broadcast(NAME, J, C, h)
         with np.errstate(all="ignore"):
@@ -200,11 +200,11 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if there is none."""
-    XYZ = continued(J, C, h, conditions)
+    XYZ = invert_beyond(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
-def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
+def invert_beyond(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return `inverse`, extended to lightness and cone responses below 0."""
     eye = ZcamConditions.of_viewing(conditions)
-    return eye.continued(J, C, h) / _scale(conditions)
+    return eye.invert_beyond(J, C, h) / _scale(conditions)

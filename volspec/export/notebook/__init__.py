@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from volspec._extras import require_extra
 from volspec.appearance import Viewing
-from volspec.errors import ImageError, quoted
+from volspec.errors import ImageError, quote
 from volspec.export.notebook.settings import LightLike, initial_spec, named_lights
 from volspec.image import CoefficientImage
 from volspec.scene.tables import NamedLight
@@ -51,7 +51,7 @@ def notebook(
     """
     if not isinstance(image, CoefficientImage):
         raise ImageError(
-            f"got {quoted(image)}",
+            f"got {quote(image)}",
             "expected a CoefficientImage, as from volspec.raycast",
             code="type",
             field="notebook.image",

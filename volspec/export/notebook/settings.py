@@ -13,7 +13,7 @@ from typing import Any
 
 from volspec.appearance import CLOSED, SURROUND_RATIOS, Display, Screen, Viewing, forward_for
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
+from volspec.errors import ImageError, SpectrumError, ViewingError, quote
 from volspec.export.page import payload
 from volspec.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec, mixed_rig
@@ -66,7 +66,7 @@ def named_lights(
     else:
         remedy = "give several in a list, such as ['D65', 'A'], or by name in a dict"
         raise ImageError.refused("notebook.lights", lights, remedy, "type")
-    named = tuple(_named(name, lamp_light, image) for name, lamp_light in pairs)
+    named = tuple(_as_named(name, lamp_light, image) for name, lamp_light in pairs)
     if not named:
         raise ImageError.refused("notebook.lights", lights, "give at least one", "missing")
     names = [lamp.name for lamp in named]
@@ -96,7 +96,9 @@ def weighted_rig(lights: Sequence[NamedLight], weights: Sequence[float]) -> Ligh
     return mixed_rig([lamp.rig for lamp in lights], weights)
 
 
-def _named(name: str | None, source: LightLike | NamedLight, image: CoefficientImage) -> NamedLight:
+def _as_named(
+    name: str | None, source: LightLike | NamedLight, image: CoefficientImage
+) -> NamedLight:
     if isinstance(source, NamedLight):
         return source if name is None else replace(source, name=name)
     grid = image.basis.grid
@@ -130,7 +132,7 @@ def _naming_light(name: str) -> Iterator[None]:
     try:
         yield
     except (SpectrumError, ViewingError) as error:
-        raise type(error)(f"notebook: light {quoted(name)}: {error}", code=error.code) from error
+        raise type(error)(f"notebook: light {quote(name)}: {error}", code=error.code) from error
 
 
 def initial_spec(

@@ -280,7 +280,7 @@ def page_html(
         look = replace(look, opacities=named, depth=effects)
     still = _still(relight(first, lights[0].rig, look))
     texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
-    return _assembled(spec, numbers, still, texts, (width, height))
+    return _fill_template(spec, numbers, still, texts, (width, height))
 
 
 def scene_views(
@@ -373,7 +373,7 @@ def page_policy(*, served: bool = False) -> str:
     return _POLICY.format(script=_hash(script()), style=_hash(_read("page.css")), network=network)
 
 
-def _assembled(
+def _fill_template(
     spec: PageSpec,
     numbers: dict[str, Any],
     still: str,

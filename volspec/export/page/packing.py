@@ -63,7 +63,7 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
     low, high = roots.min(axis=(0, 1)), roots.max(axis=(0, 1))
     steps = np.where(high > low, (high - low) / (2**bits - 1), 1.0)
     codes = np.rint((roots - low) / steps).astype(np.int32)
-    data = _deflated(residual_bytes(codes, bits))
+    data = _deflate_bytes(residual_bytes(codes, bits))
     return PackedView(data, image.size, tuple(low.tolist()), tuple(high.tolist()))
 
 
@@ -159,19 +159,19 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     )
     total = tau.sum(axis=-1, keepdims=True)
     tau *= _MAX_TAU / np.maximum(total, _MAX_TAU)
-    tau_codes, most_tau = _coded(tau, 255, 3)
+    tau_codes, most_tau = _encode_roots(tau, 255, 3)
     visible: NDArray[np.bool_] = tau_codes > 0
     fading = visible[:, :, : layers.count - layers.solid]
     used: NDArray[np.bool_] = np.any(visible, axis=-1)
-    shade_codes, most_shade = _coded(shade * visible[:, :, :, None], _SHADE_CODES, 1)
-    gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 2)
-    shade_codes = _rounded(shade_codes, tau[:, :, :, None])
-    gloss_codes = _rounded(gloss_codes, tau.sum(axis=-1)[..., None])
+    shade_codes, most_shade = _encode_roots(shade * visible[:, :, :, None], _SHADE_CODES, 1)
+    gloss_codes, most_gloss = _encode_roots(gloss * used[..., None], _GLOSS_CODES, 2)
+    shade_codes = _coarsen_codes(shade_codes, tau[:, :, :, None])
+    gloss_codes = _coarsen_codes(gloss_codes, tau.sum(axis=-1)[..., None])
     planes = [tau_codes[..., k] for k in range(layers.materials)]
     for g in range(layers.groups):
         for k in range(layers.materials):
-            planes.append(_filled(shade_codes[..., g, k], visible[..., k]))
-    planes += [_filled(gloss_codes[..., g], used) for g in range(layers.groups)]
+            planes.append(_fill_absent(shade_codes[..., g, k], visible[..., k]))
+    planes += [_fill_absent(gloss_codes[..., g], used) for g in range(layers.groups)]
     # A light reaches far; what is darker than by this depth is black also at the least scale.
     paths = [np.minimum(array[..., 3:], _MAX_TAU) for array in casts]
     path = max((float(array.max(initial=0)) for array in paths), default=1.0) or 1.0
@@ -179,10 +179,10 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     for cast, depths in zip(casts, paths, strict=True):
         roots = np.cbrt(depths / path), cast[..., :2], np.cbrt(cast[..., 2:3] / bend)
         codes = np.rint(255 * np.concatenate(roots, axis=-1).clip(0, 1)).astype(np.int32)
-        planes += [_filled(codes[..., n], used) for n in range(codes.shape[-1])]
+        planes += [_fill_absent(codes[..., n], used) for n in range(codes.shape[-1])]
     slabs = np.s_[:, :, : layers.count - layers.solid]
-    begin_codes, begin = _coded((extents[..., 0] * used)[slabs], 255, 1)
-    width_codes, width = _coded((extents[..., 1] * used)[slabs], 255, 2)
+    begin_codes, begin = _encode_roots((extents[..., 0] * used)[slabs], 255, 1)
+    width_codes, width = _encode_roots((extents[..., 1] * used)[slabs], 255, 2)
     width_codes = width_codes // 2 * 2  # even: a slab's width matters only where it is cut
     surface = 1.0
     if layers.solid:
@@ -192,10 +192,10 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         codes = np.rint(65535 * far / surface).astype(np.int32)
         begin_codes = np.concatenate([begin_codes, codes >> 8], axis=2)
         width_codes = np.concatenate([width_codes, codes & 255], axis=2)
-    planes += [_filled(codes, used) for codes in (begin_codes, width_codes)]
+    planes += [_fill_absent(codes, used) for codes in (begin_codes, width_codes)]
     parts = [residual_bytes(p[..., [i]], 8) for p in planes for i in range(layers.count)]
     return PackedLayers(
-        _deflated(b"".join(parts)),
+        _deflate_bytes(b"".join(parts)),
         layers.count,
         tuple(bool(fading[..., k].any()) for k in range(layers.materials)),
         layers.groups,
@@ -214,7 +214,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     )
 
 
-def _coded(values: NDArray[np.float32], codes: int, root: int) -> tuple[Codes, float]:
+def _encode_roots(values: NDArray[np.float32], codes: int, root: int) -> tuple[Codes, float]:
     """Return codes of values' roots, and the value of code 255.
 
     A value of 1 has code ``codes``, or less if 255 were not enough for the greatest value; the
@@ -226,20 +226,20 @@ def _coded(values: NDArray[np.float32], codes: int, root: int) -> tuple[Codes, f
     return coded.astype(np.int32), top
 
 
-def _rounded(codes: Codes, depth: NDArray[np.float32]) -> Codes:
+def _coarsen_codes(codes: Codes, depth: NDArray[np.float32]) -> Codes:
     """Return codes in coarser steps where depths are faint, and errors hardly seen."""
     step = np.select([depth > 0.12, depth > 0.03], [1, 2], 4)
     return np.minimum(np.rint(codes / step).astype(np.int32) * step, 255)
 
 
-def _filled(codes: Codes, present: NDArray[np.bool_]) -> Codes:
+def _fill_absent(codes: Codes, present: NDArray[np.bool_]) -> Codes:
     """Return (H, W, L) codes in which absent pixels repeat those to their left."""
     columns = np.arange(codes.shape[1])[:, None]
     nearest = np.maximum.accumulate(np.where(present, columns, 0), axis=1)
     return np.take_along_axis(codes, nearest, axis=1)
 
 
-def _deflated(residuals: bytes) -> bytes:
+def _deflate_bytes(residuals: bytes) -> bytes:
     # Residuals hardly repeat: runs alone are smaller than what level 9 finds, in 1/50 of its time.
     packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
     return packer.compress(residuals) + packer.flush()

@@ -26,7 +26,7 @@ from tornado.ioloop import IOLoop
 from tornado.iostream import IOStream
 from tornado.web import Application, HTTPError, RequestHandler
 
-from volspec.errors import CastCancelled, InputError, VolspecError, one_line, quoted
+from volspec.errors import CastCancelled, InputError, VolspecError, one_line, quote
 from volspec.export.page import PageSpec, page_policy
 from volspec.export.serve.connections import LimitedServer
 from volspec.export.serve.views import CastQueue, PendingCast, SceneViews, ViewRequest
@@ -404,7 +404,7 @@ def _listen(host: str, port: int, insecure: bool) -> socket.socket:
         if not (insecure or _is_loopback(address)):
             tunnel = f"ssh -L {port or 'PORT'}:localhost:{port or 'PORT'} THIS_MACHINE"
             raise InputError(
-                f"{quoted(host)} lets other machines connect, and the traffic is not encrypted",
+                f"{quote(host)} lets other machines connect, and the traffic is not encrypted",
                 f"leave it out and connect by {tunnel}, or add --insecure (Python: insecure=True)",
                 code="conflict",
                 field="host",

@@ -22,7 +22,7 @@ import numpy as np
 
 from volspec._checks import checked_size
 from volspec.camera import Camera, Orbit, level_axes, radius_mm
-from volspec.errors import CastCancelled, InputError, quoted
+from volspec.errors import CastCancelled, InputError, quote
 from volspec.export.annotate import annotation_svg
 from volspec.export.page import (
     PageSpec,
@@ -84,7 +84,7 @@ class ViewRequest:
         Raises InputError if one is missing, unknown, repeated, or out of range.
         """
         if unknown := next((name for name in query if name not in _RANGES), None):
-            problem = f"no parameter {quoted(unknown)}"
+            problem = f"no parameter {quote(unknown)}"
             raise InputError(problem, f"known: {', '.join(_RANGES)}", code="unknown", field="view")
         azimuth, elevation, distance, coarse, transfer, client = (
             _number(name, query.get(name, ()), *limits) for name, limits in _RANGES.items()

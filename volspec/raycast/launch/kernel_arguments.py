@@ -230,12 +230,12 @@ class Program:
         if isinstance(table, SurfaceTable):
             name, extra = "surfaces", {"SURFACES": len(table.values), "ITERATIONS": ITERATIONS}
             opacity = np.stack([table.values, table.opacity], axis=1).astype(np.float32)
-            weights = _padded(table.material_weights)
+            weights = _pad_rows(table.material_weights)
         elif spec.preintegrated:
             name, count, extra = "preintegrated", count + 1, {"NEAREST": NEAREST_POSITIONS}
             # (τ, τ s …) -> (τ s …, τ): the weights first, as everywhere; τ mixes nothing.
             quantities = [np.roll(q, -1, axis=1) for q in integral_rows(table, step_mm)]
-            weights = np.stack([_padded(q) for q in quantities])
+            weights = np.stack([_pad_rows(q) for q in quantities])
             opacity = np.zeros((1, 2), np.float32)
             mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
         else:
@@ -243,21 +243,23 @@ class Program:
             if spec.mode == "composite":
                 powers = needs_powers(table) if powers is None else powers
                 extra = {"POWERS": int(powers), "LOG_OPAQUE": LOG_OPAQUE}
-                steps = _rising(*(t.opacity if powers else t.step_opacity(step_mm) for t in sides))
+                steps = _with_rises(
+                    *(t.opacity if powers else t.step_opacity(step_mm) for t in sides)
+                )
                 entries = np.stack([steps, _log_transmittances(table, step_mm)])
             else:
                 name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
-                entries = _rising(*(t.opacity for t in sides))
+                entries = _with_rises(*(t.opacity for t in sides))
             rows = 1 if table.gradient_top is None else len(table.opacity)
             opacity = entries.astype(np.float32)
-            weights = _padded(with_rises(*(t.material_weights for t in sides)))
+            weights = _pad_rows(with_rises(*(t.material_weights for t in sides)))
             if name == "raycast":
                 filters = np.zeros((1, 8))
             if table.filters is not None:
                 # Every channel has a transmittance: weights must be the channels themselves.
                 count = channels
                 mixed = np.vstack([np.eye(channels), table.white])
-                weights = _padded(with_rises(*(t.coefficients for t in sides)))
+                weights = _pad_rows(with_rises(*(t.coefficients for t in sides)))
                 filters = with_rises(*(t.step_transmittance(step_mm) for t in sides))
                 filters[-1, 0] = table.white
         width = vector_width(count)
@@ -273,7 +275,7 @@ class Program:
         }
         tables: tuple[NDArray[np.float32], ...] = opacity, weights, mixed.astype(np.float32)
         if filters is not None:
-            tables = *tables, _padded(filters)
+            tables = *tables, _pad_rows(filters)
         return cls(name, constants, tables)
 
     @classmethod
@@ -392,7 +394,7 @@ def with_rises(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDA
     return rows
 
 
-def _rising(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_rises(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (…, N) entries with differences, as `with_rises`: (…, N + 1, 2)."""
     return with_rises(entries[..., None], limits[..., None])[..., 0]
 
@@ -416,7 +418,7 @@ def vector_width(count: int) -> int:
     return 4 if count <= 4 else 8
 
 
-def _padded(rows: NDArray[Any]) -> NDArray[np.float32]:
+def _pad_rows(rows: NDArray[Any]) -> NDArray[np.float32]:
     """Return rows padded with zeros to whole vectors."""
     count = rows.shape[-1]
     width = vector_width(count)

@@ -288,33 +288,33 @@ def check_layers(
     ``translucent`` has a text for each surface: what of it is translucent, or "".
     """
     if not isinstance(basis, MaterialBasis):
-        raise _refused(
+        raise _conflict(
             spec,
             f"basis {basis.name!r}, whose channels are {basis.method}, not materials",
             'set [basis] method = "materials" (a MaterialBasis), or leave layers out',
         )
     if len(basis.materials) > MAX_MATERIALS:
-        raise _refused(
+        raise _conflict(
             spec,
             f"{len(basis.materials)} materials ({', '.join(basis.materials)})",
             f"give up to {MAX_MATERIALS}, or leave layers out",
         )
     if isinstance(table, FieldTables):
-        raise _refused(spec, "several fields or masks", "show one field, or leave layers out")
+        raise _conflict(spec, "several fields or masks", "show one field, or leave layers out")
     if isinstance(table, SurfaceTable):
-        raise _refused(spec, "isosurfaces", "give a curve of opacity, or leave layers out")
+        raise _conflict(spec, "isosurfaces", "give a curve of opacity, or leave layers out")
     if table.filters is not None:
-        raise _refused(
+        raise _conflict(
             spec, "spectral absorption (filters)", "leave the filters out, or leave layers out"
         )
     if translucent and spec.layers == 1:
-        raise _refused(spec, "meshes, which take one", "give 2 or more, or leave the meshes out")
+        raise _conflict(spec, "meshes, which take one", "give 2 or more, or leave the meshes out")
     for name in filter(None, translucent):
         problem = f"a translucent mesh, {name}"
-        raise _refused(spec, problem, "set opacity = 1, or leave layers out")
+        raise _conflict(spec, problem, "set opacity = 1, or leave layers out")
 
 
-def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
+def _conflict(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
     return RaycastError(
         f"{spec.layers} layers do not work with {problem}",
         remedy,
@@ -327,7 +327,7 @@ def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
 def refuse_layers(spec: RaycastSpec, problem: str, remedy: str) -> None:
     """Raise RaycastError if a cast has layers and meets what they cannot show."""
     if spec.layers:
-        raise _refused(spec, problem, remedy)
+        raise _conflict(spec, problem, remedy)
 
 
 def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:

@@ -243,7 +243,7 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
     return tuple(layers)
 
 
-def interpolated(
+def upsample_values(
     values: NDArray[Any],
     voxels: Sequence[int],
     lattice: Sequence[int],
@@ -278,7 +278,7 @@ def interpolated(
 Transmittance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-def arriving(
+def sample_light(
     layer: LightLayer, grid: LightGrid, nodes: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the fraction (K,) of a source's light that a volume lets pass to points, mm.
@@ -631,7 +631,7 @@ class LightVolume:
         is_temporary = box is not None or lattice != volume.shape_xyz
         if is_temporary:
             stored = box or VoxelBox(volume.values, (0, 0, 0), (0, 0, 0), volume.values.shape)
-            values, begin = interpolated(
+            values, begin = upsample_values(
                 stored.values, volume.shape_xyz, lattice, stored.first[::-1], kind == _BY_LABEL
             )
             voxels, dtype = self._compute.upload(values, share=True), values.dtype
@@ -733,7 +733,7 @@ class LightVolume:
         """Return what the volume lets pass to points (K, 3), mm, by `numbered_sources`."""
         _, grid, layers = self.layers(table, spec, camera, clear)
         return {
-            layer.source: partial(arriving, layer, grid, self._alone[number] / 65535.0)
+            layer.source: partial(sample_light, layer, grid, self._alone[number] / 65535.0)
             for number, layer in enumerate(layers)
         }
 
@@ -749,7 +749,7 @@ class LightVolume:
         split = numbers[len(layers) :].reshape(len(layers), grid.nodes, width)
         return [
             {
-                layer.source: partial(arriving, layer, grid, split[number, :, n] / 65535.0)
+                layer.source: partial(sample_light, layer, grid, split[number, :, n] / 65535.0)
                 for number, layer in enumerate(layers)
             }
             for n in range(2 + len(table.channels))

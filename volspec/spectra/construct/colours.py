@@ -10,7 +10,7 @@ import re
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import SpectrumError, nearest, quoted
+from volspec.errors import SpectrumError, nearest, quote
 from volspec.spectra.datasets import colour_science
 from volspec.spectra.files.tables import read_number
 from volspec.spectra.spectrum import real_array
@@ -127,13 +127,13 @@ def sRGB_from_word(text: str, other_forms: str = "X Y Z with Y = 100 for white")
     if word.startswith("#"):
         if not _HEX.fullmatch(word):
             raise SpectrumError(
-                f"colour {quoted(text)}: expected #rrggbb or #rgb, with digits 0-f", code="syntax"
+                f"colour {quote(text)}: expected #rrggbb or #rgb, with digits 0-f", code="syntax"
             )
     else:
         names = {name.casefold(): code for name, code in _css_names().items()}
         if word not in names:
             raise SpectrumError(
-                f"colour {quoted(text)} is unknown; {nearest(word, names)}write a CSS name, "
+                f"colour {quote(text)} is unknown; {nearest(word, names)}write a CSS name, "
                 f"#rrggbb, or {other_forms}",
                 code="unknown",
             )

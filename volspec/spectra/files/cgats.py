@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import SpectrumError, quoted
+from volspec.errors import SpectrumError, quote
 from volspec.spectra.files.samples import QUANTITY, Sample, SampleSet, fits
 from volspec.spectra.files.tables import decoded_text, positive_number, read_number
 
@@ -86,7 +86,7 @@ def read_cgats(path: str) -> SampleSet:
         fields = next((table.fields for table in tables if table.fields), [])
         raise SpectrumError(
             f"{path}: has no spectra, expected fields such as SPECTRAL_NM400 or SPEC_400"
-            + (f", got {quoted(', '.join(fields[:12]), 120)}" if fields else "")
+            + (f", got {quote(', '.join(fields[:12]), 120)}" if fields else "")
             + "; export it with spectral values",
             code="missing",
         )
@@ -241,7 +241,7 @@ def _numbers(
         except ValueError:
             remedy = "write decimal points" if "," in row[k] else "measure it again"
             raise SpectrumError(
-                f"{path}, line {number}: {fields[k]} is {quoted(row[k])}, expected a number; "
+                f"{path}, line {number}: {fields[k]} is {quote(row[k])}, expected a number; "
                 f"{remedy}",
                 code="syntax",
                 field=fields[k],

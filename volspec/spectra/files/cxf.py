@@ -20,7 +20,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from volspec.errors import SpectrumError, quoted
+from volspec.errors import SpectrumError, quote
 from volspec.spectra.files.samples import QUANTITY, Sample, SampleSet
 from volspec.spectra.files.tables import positive_number, read_number, xml_root
 
@@ -99,7 +99,7 @@ def _sample(path: str, name: str, element: Element, specification: _Specificatio
             values.append(read_number(text))
         except ValueError:
             raise SpectrumError(
-                f"{where}: {quoted(text)} is not a number; write decimal points and blanks",
+                f"{where}: {quote(text)} is not a number; write decimal points and blanks",
                 code="syntax",
                 given=text,
             ) from None

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._confine import require_inside
-from volspec.errors import Code, SpectrumError, quoted
+from volspec.errors import Code, SpectrumError, quote
 from volspec.spectra.files.samples import QUANTITY, Sample, SampleSet
 from volspec.spectra.files.tables import decoded_text, path_text, read_number
 from volspec.spectra.spectrum import Kind
@@ -303,7 +303,7 @@ class EnviFile:
             return read_number(text)
         except ValueError:
             raise SpectrumError(
-                f"{self.path}: {key} has {quoted(text)}, expected a number; correct it",
+                f"{self.path}: {key} has {quote(text)}, expected a number; correct it",
                 code="syntax",
                 field=key,
                 given=text,
@@ -312,5 +312,5 @@ class EnviFile:
     def _refused(self, key: str, remedy: str, code: Code) -> SpectrumError:
         text = self.fields[key]
         return SpectrumError(
-            f"{self.path}: {key} is {quoted(text)}; {remedy}", code=code, field=key, given=text
+            f"{self.path}: {key} is {quote(text)}; {remedy}", code=code, field=key, given=text
         )

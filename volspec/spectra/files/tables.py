@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from volspec._confine import require_inside
 from volspec._files import require_suffix, write_whole
 from volspec._parse import parse_xml
-from volspec.errors import SpectrumError, nearest, quoted
+from volspec.errors import SpectrumError, nearest, quote
 from volspec.spectra.spectrum import Spectrum
 
 # "# Key: value"; sentences and web addresses in comments do not count as notes.
@@ -193,7 +193,7 @@ def positive_number(where: str, label: str, text: str) -> float:
         value = np.nan
     if not 0 < value < np.inf:
         raise SpectrumError(
-            f"{where}: {label} is {quoted(text)}, expected a number above 0; correct it",
+            f"{where}: {label} is {quote(text)}, expected a number above 0; correct it",
             code="syntax",
             field=label,
             given=text,

@@ -101,7 +101,7 @@ def reflectance(
         return _from_file(os.fspath(Path(folder, name)), grid)
     names = {n.casefold(): n for n in sample_tables()}
     if folded not in names and ("*" in name or "+" in name):
-        return _mixed(name, grid)
+        return _mix_spectra(name, grid)
     if folded not in names:
         raise SpectrumError(
             f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
@@ -127,7 +127,7 @@ def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.
     return np.array([reflectance(n, grid).values for n in reflectance_set_names(name)])
 
 
-def _mixed(text: str, grid: SpectralGrid) -> Spectrum:
+def _mix_spectra(text: str, grid: SpectralGrid) -> Spectrum:
     """Return the weighted sum of named reflectances; a weight left out is 1."""
     total, mixed = 0.0, _flat("black", "0", grid)
     for part in text.split("+"):

@@ -66,14 +66,14 @@ def _rating(words: Sequence[str], text: str, synonyms: str) -> float | None:
             total += 3.0
         elif index > 0:
             total += 2.0
-        elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
+        elif (spread := _letter_span(word, text)) and spread <= _LOOSE * len(word):
             total += len(word) / spread
         else:
             return None
     return total
 
 
-def _spread(word: str, text: str) -> int | None:
+def _letter_span(word: str, text: str) -> int | None:
     """Return how many letters of a text a word's letters span; None if some are missing."""
     index, first = -1, -1
     for letter in word:

@@ -51,7 +51,7 @@ def box_edges(
 ) -> list[tuple[Place, Place, bool]]:
     """Return the box's edges in the window, each with True if the box itself hides it."""
     corners = box_corners_mm(crop, volume).reshape(8, 3)
-    facing = _facing(crop, volume, projection)
+    facing = _front_faces(crop, volume, projection)
     starts, ends = (corners[[edge[k] for edge in _EDGES]] for k in (0, 1))
     drawn = projection.segments(starts, ends)
     return [
@@ -61,7 +61,7 @@ def box_edges(
     ]
 
 
-def _facing(crop: framing.Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
+def _front_faces(crop: framing.Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
     """(6,) True for each face whose outside faces the camera, by voxel coordinates."""
     camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:

@@ -44,11 +44,11 @@ def shown_transfer(state: ViewState) -> Transfers:
     """
     if not state.fields:
         return state.transfer
-    return _composed(state.transfer, state.fields, state.chosen_field)
+    return _join_fields(state.transfer, state.fields, state.chosen_field)
 
 
 @lru_cache(maxsize=4)
-def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], index: int) -> FieldFunctions:
+def _join_fields(transfer: Transfer, fields: tuple[FieldLook, ...], index: int) -> FieldFunctions:
     looks = _present(transfer, fields, index)
     functions: dict[str, TransferFunction] = {}
     for look in looks:
@@ -70,7 +70,9 @@ def with_all_fields(old: ViewState, new: ViewState) -> Edited:
     if new.transfer is old.transfer:
         return Edited(new)
     materials, functions = new.transfer.materials, other_functions(new).values()
-    used = {name for function in functions for name in _used(function) if name not in materials}
+    used = {
+        name for function in functions for name in _materials_in(function) if name not in materials
+    }
     try:
         if used:
             added = {name: s for name, s in old.transfer.materials.items() if name in used}
@@ -82,7 +84,7 @@ def with_all_fields(old: ViewState, new: ViewState) -> Edited:
     return Edited(new)
 
 
-def _used(transfer: Transfer) -> set[str]:
+def _materials_in(transfer: Transfer) -> set[str]:
     assert isinstance(transfer, TransferFunction)
     return {name for _, _, mix in transfer.points for name in mix}
 
@@ -113,13 +115,13 @@ def choose(state: ViewState, number: int) -> ViewState:
 @edit
 def set_weight(state: ViewState, number: int, weight: float) -> ViewState:
     """Set the factor of a field's extinction."""
-    return _changed(state, number, weight=clamp(weight, 0.0, MAX_WEIGHT))
+    return _change_look(state, number, weight=clamp(weight, 0.0, MAX_WEIGHT))
 
 
 @edit
 def set_shown(state: ViewState, number: int, visible: bool) -> ViewState:
     """Show or hide a field."""
-    return _changed(state, number, shown=bool(visible))
+    return _change_look(state, number, shown=bool(visible))
 
 
 @edit
@@ -141,7 +143,7 @@ def is_alone(state: ViewState, number: int) -> bool:
     return [i for i, look in enumerate(state.fields) if look.shown] == [number]
 
 
-def _changed(state: ViewState, number: int, **changes: Any) -> ViewState:
+def _change_look(state: ViewState, number: int, **changes: Any) -> ViewState:
     if not 0 <= number < len(state.fields):
         return state
     looks = list(state.fields)

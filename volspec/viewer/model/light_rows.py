@@ -232,7 +232,7 @@ def with_parts(row: LightRow, parts: Sequence[tuple[int, str, float]]) -> LightR
     return replace(row, rig=rig, texts=texts, kelvin=kelvin, before=None)
 
 
-def regrouped(row: LightRow, names: Mapping[str, str], new_group: str = "") -> LightRow:
+def rename_row_groups(row: LightRow, names: Mapping[str, str], new_group: str = "") -> LightRow:
     """Rename the light groups of a row; spectra of those renamed to nothing are removed.
 
     If nothing would shine, the first spectrum shines from all groups. Group ``new_group`` gets the

@@ -92,7 +92,7 @@ def add_source(state: ViewState, kind: str) -> ViewState:
     groups = shading.groups
     if total > 0 and weight > 0:
         source = replace(source, intensity=round(min(fraction * total / weight, 1e3), _DIGITS))
-        groups = _scaled(groups, 1 - fraction)
+        groups = _scale_intensity(groups, 1 - fraction)
     name = light_rows.unused_name(kind, {group.name for group in groups})
     new = _with_groups(state, (*groups, LightGroup(name, (source,))), new_group=name)
     return choose_source(new, len(list_sources(new.shading)) - 1)
@@ -113,7 +113,7 @@ def _new_source(state: ViewState, kind: str) -> Source:
     return Headlight() if KINDS[kind] is Headlight else Ambient(occlusion=True)
 
 
-def _scaled(groups: Groups, factor: float) -> Groups:
+def _scale_intensity(groups: Groups, factor: float) -> Groups:
     """Return the groups with every intensity multiplied."""
 
     def scaled(source: Source) -> Source:
@@ -138,7 +138,7 @@ def remove_source(state: ViewState, index: int) -> ViewState:
     groups = _without(shading.groups, placed[index])
     remaining = sum(replace(shading, groups=groups).strengths().values())
     if remaining > 0 and total > 0:
-        groups = _scaled(groups, total / remaining)
+        groups = _scale_intensity(groups, total / remaining)
     return choose_source(_with_groups(state, groups), max(index - 1, 0))
 
 
@@ -219,7 +219,7 @@ def drag_handle(
 ) -> ViewState:
     """Move a lamp whose handle is dragged to a place; ``start`` is the state when it began."""
     source = list_sources(start.shading)[handle.index].source
-    to = lighting_aim.dragged(start, source, place, projection)
+    to = lighting_aim.unproject_handle(start, source, place, projection)
     if to is None:
         return state
     name = "towards" if isinstance(source, Directional) else "position_mm"
@@ -347,7 +347,7 @@ def _with_groups(
     new_names = dict.fromkeys(gone, "") | {**(names or {})}
 
     def regrouped(rows: light_rows.Rows) -> light_rows.Rows:
-        return tuple(light_rows.regrouped(row, new_names, new_group) for row in rows)
+        return tuple(light_rows.rename_row_groups(row, new_names, new_group) for row in rows)
 
     return replace(
         state,

@@ -150,7 +150,7 @@ def _inside(place: Place, projection: Projection) -> Place:
     return u, clamp(place[1], y + _EDGE, y + height - _EDGE)
 
 
-def dragged(
+def unproject_handle(
     state: ViewState, source: Source, place: Place, projection: Projection
 ) -> NDArray[np.float64] | None:
     """(3,) direction or place, in a lamp's frame, whose handle is at a place in the window."""

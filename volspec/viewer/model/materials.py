@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, TransferError, quoted
+from volspec.errors import SpectrumError, TransferError, quote
 from volspec.scene.tables import MeshSpec
 from volspec.spectra import Observer, SpectralGrid, Spectrum, reflectance, reflectance_from_colour
 from volspec.transfer import (
@@ -102,7 +102,7 @@ def with_material(
         names = {*used_materials(part.mix for part in list_parts(transfer)), *used}
         if len(names) >= MAX_MATERIALS:
             raise TransferError(
-                f"{quoted(name)}: {MAX_MATERIALS} materials are in use, and no more can be cast; "
+                f"{quote(name)}: {MAX_MATERIALS} materials are in use, and no more can be cast; "
                 "give the parts of one of them another material first",
                 code="size",
             )
@@ -119,7 +119,7 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
     if name not in transfer.materials:
         return transfer
     if why := uses_of_material(transfer, name):
-        raise TransferError(f"{quoted(name)}: {why}", code="conflict")
+        raise TransferError(f"{quote(name)}: {why}", code="conflict")
     for index, part in enumerate(list_parts(transfer)):
         if name in part.mix:  # with weight 0
             transfer = with_mix(transfer, index, _without(part.mix, name))
@@ -192,9 +192,9 @@ def material_message(old: Transfer, new: Transfer) -> str:
     name, message = added[0], f"Added {added[0]}"
     if not isinstance(new.basis, MaterialBasis):
         why = "too many materials" if len(new.materials) > MAX_MATERIALS else "the filters"
-        message += f": basis {quoted(new.basis.name)} stays and approximates it, because of {why}"
+        message += f": basis {quote(new.basis.name)} stays and approximates it, because of {why}"
     elif not isinstance(old.basis, MaterialBasis):
-        message += f": materials are the channels now, instead of basis {quoted(old.basis.name)}"
+        message += f": materials are the channels now, instead of basis {quote(old.basis.name)}"
     if gone := [material for material in old.materials if material not in new.materials]:
         message += f". Removed as unused: {', '.join(gone)}"
     if new.materials[name].notes.get("constructed") == "nearest":

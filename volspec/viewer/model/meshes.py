@@ -32,19 +32,19 @@ FURTHEST_MM = 1e15
 @edit
 def set_shown(state: ViewState, index: int, visible: bool) -> ViewState:
     """Show or hide a mesh; one that is hidden casts no shadow."""
-    return _changed(state, index, shown=bool(visible))
+    return _change_mesh(state, index, shown=bool(visible))
 
 
 @edit
 def set_cut(state: ViewState, index: int, cut: bool) -> ViewState:
     """Let the volume's planes and crop cut a mesh, or leave it whole."""
-    return _changed(state, index, cut=bool(cut))
+    return _change_mesh(state, index, cut=bool(cut))
 
 
 @edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a mesh's opacity."""
-    return _changed(state, index, opacity=clamp(opacity, MIN_OPACITY, 1.0))
+    return _change_mesh(state, index, opacity=clamp(opacity, MIN_OPACITY, 1.0))
 
 
 @edit
@@ -53,7 +53,7 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     if name not in state.transfer.materials:
         return state
     look = {"material": name, "own_colours": False, "texture": None, "materials": (), "shares": {}}
-    return _changed(state, index, **look)
+    return _change_mesh(state, index, **look)
 
 
 def chosen_mesh(state: ViewState) -> int:
@@ -85,7 +85,7 @@ def scale(state: ViewState, index: int, mm: float) -> ViewState:
     if not 0 <= index < len(state.meshes):
         return state
     key = "unit_mm" if state.meshes[index].shape is None else "size_mm"
-    return _changed(state, index, **{key: clamp(mm, *UNITS_MM)})
+    return _change_mesh(state, index, **{key: clamp(mm, *UNITS_MM)})
 
 
 @edit
@@ -153,10 +153,10 @@ def _changed_axis(state: ViewState, index: int, key: str, axis: int, value: floa
         return state
     values = list(getattr(state.meshes[index], key))
     values[axis] = value
-    return _changed(state, index, **{key: tuple(values)})
+    return _change_mesh(state, index, **{key: tuple(values)})
 
 
-def _changed(state: ViewState, index: int, **changes: Any) -> ViewState:
+def _change_mesh(state: ViewState, index: int, **changes: Any) -> ViewState:
     """Change settings of a mesh; an index or a value that changes nothing leaves the state."""
     if not 0 <= index < len(state.meshes):
         return state

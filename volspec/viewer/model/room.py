@@ -70,7 +70,7 @@ def light_names(state: ViewState) -> tuple[str, ...]:
     return tuple(group.name for group in state.shading.groups)
 
 
-def solved(state: ViewState) -> ViewState:
+def solve_radiosity(state: ViewState) -> ViewState:
     """Return the state with its room solved, which takes a fraction of a second."""
     return state if state.room is None else replace(state, room=state.room.solved())
 

@@ -218,14 +218,14 @@ def script_lacks(state: ViewState) -> str:
     return ", ".join(filter(None, (left_out(state), "annotations" if state.annotations else "")))
 
 
-def compared(state: ViewState) -> str:
+def compared_lights(state: ViewState) -> str:
     """Return the lights that are compared with, which only pictures and sessions have, in words."""
     return f"{light_rows.lit_names(state.other)} right of the divide" if state.other else ""
 
 
 def left_out(state: ViewState) -> str:
     """Return what the window has, but a scene or a page of it has not; empty if none."""
-    omitted = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared(state)
+    omitted = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared_lights(state)
     return ", ".join(filter(None, omitted))
 
 

@@ -262,12 +262,12 @@ def shift(state: ViewState, shift: float) -> ViewState:
 def thicken(state: ViewState, thickness: float) -> ViewState:
     """Set the total factor of all densities."""
     thickness = clamp(thickness, *THICKNESSES)
-    thin, base = _unthickened(state)
+    thin, base = _restore_thin(state)
     thicker = transfer_parts.thicken_opacities(thin, thickness / base)
     return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, base, thicker))
 
 
-def _unthickened(state: ViewState) -> tuple[Transfer, float]:
+def _restore_thin(state: ViewState) -> tuple[Transfer, float]:
     """Return the transfer function before it was thickened, and its own thickness."""
     transfer = state.transfer
     if state.unthickened is None or type(state.unthickened[2]) is not type(transfer):
@@ -280,7 +280,7 @@ def _unthickened(state: ViewState) -> tuple[Transfer, float]:
 
 def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
     """Change the values of the transfer function, and of the one before thickening."""
-    (thin, base), new = _unthickened(state), change(state.transfer)
+    (thin, base), new = _restore_thin(state), change(state.transfer)
     if new is state.transfer:
         return state
     return replace(state, transfer=new, unthickened=(change(thin), base, new))
@@ -323,7 +323,7 @@ def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
 
 
 def _preset(preset: presets.Preset) -> Change:
-    return lambda state: _with_new(state, _fitted(state, preset))
+    return lambda state: _with_new(state, _fit_to_volume(state, preset))
 
 
 def _is_preset(state: ViewState, preset: presets.Preset) -> bool:
@@ -331,7 +331,7 @@ def _is_preset(state: ViewState, preset: presets.Preset) -> bool:
     return presets.is_preset(state.transfer, preset, field.volume, field.histogram)
 
 
-def _fitted(state: ViewState, preset: presets.Preset) -> Transfer:
+def _fit_to_volume(state: ViewState, preset: presets.Preset) -> Transfer:
     basis, field = state.document.transfer.basis, fields.data(state)
     return presets.fit_preset(preset, field.volume, field.histogram, basis.grid, basis.observer_deg)
 
@@ -356,7 +356,7 @@ def _convert_to(kind: transfer_parts.Kind) -> Change:
             return _with_new(state, _as_labels(state))
         # Labels have no values that another kind could take over.
         if isinstance(old, LabelFunction):
-            old = _fitted(state, presets.BY_NAME[presets.DEFAULT])
+            old = _fit_to_volume(state, presets.BY_NAME[presets.DEFAULT])
             return _with_new(state, transfer_convert.convert(old, kind, _span(state)))
         new = transfer_convert.convert(old, kind, _span(state))
         return with_interface(replace(state, transfer=new), part=0)

@@ -15,7 +15,7 @@ from volspec.viewer.model.film import AS_SHOWN
 from volspec.viewer.model.history import History
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import (
-    compared,
+    compared_lights,
     export_python,
     export_scene,
     left_out,
@@ -252,7 +252,7 @@ class FileCommands:
     def _save_film(self, state: ViewState) -> None:
         file = self._film.file
         job = f"Film of {file.film.frames} frames"
-        omits = compared(state) if file.film.lights == AS_SHOWN else ""
+        omits = compared_lights(state) if file.film.lights == AS_SHOWN else ""
         self._make("film", job, lambda progress: save_film(state, file, progress), omits)
 
     def _save_page(self, state: ViewState) -> None:

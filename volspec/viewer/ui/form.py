@@ -44,7 +44,7 @@ class Field:
     is_logarithmic: bool = False
 
 
-def remaining(cls: Any, *placed: str) -> tuple[Field, ...]:
+def list_fields(cls: Any, *placed: str) -> tuple[Field, ...]:
     """Return the fields of settings that a panel does not place, each with a plain widget."""
     return tuple(
         Field(

@@ -48,21 +48,21 @@ def swatch(ui: UiContext, colour: Colour) -> None:
 
 def part_colours(state: ViewState) -> tuple[Colour, ...]:
     """Return the colour of every part's mix under the lights."""
-    return _colours(state.transfer, _facing(state), shown_spec(state))[0]
+    return _colours(state.transfer, _viewing_light(state), shown_spec(state))[0]
 
 
 def material_colours(state: ViewState) -> dict[str, Colour]:
     """Return the colour of every material under the lights, by name."""
-    return _colours(state.transfer, _facing(state), shown_spec(state))[1]
+    return _colours(state.transfer, _viewing_light(state), shown_spec(state))[1]
 
 
 def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
     """Return the colour of a reflectance that is not a material yet."""
     basis = state.transfer.basis
-    return _spectrum_colour(spectrum, basis, _facing(state), shown_spec(state))
+    return _spectrum_colour(spectrum, basis, _viewing_light(state), shown_spec(state))
 
 
-def _facing(state: ViewState) -> LightRig | None:
+def _viewing_light(state: ViewState) -> LightRig | None:
     return facing_light(state.lights, state.room)
 
 

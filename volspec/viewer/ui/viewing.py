@@ -15,7 +15,7 @@ from volspec.viewer.model.light_rows import Rows, facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
-from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields, remaining
+from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields, list_fields
 from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
@@ -53,7 +53,7 @@ _EXPOSURE = Field("exposure", "Exposure", (0.1, 10.0), "× %.2f", is_logarithmic
 _BACKDROP = Field("backdrop", "Backdrop")
 _FILTER = Field("filter", "Filter", none=edits.NO_FILTER)
 _PLACED = (_MODEL, _ADAPTING, _LUX, _LUMINANCE, *_SCENE, _DEGREE, _DISCOUNT, _VISION, _SEVERITY)
-_OTHERS = remaining(Viewing, *(field.name for field in (*_PLACED, _ANGLE, _EXPOSURE)))
+_OTHERS = list_fields(Viewing, *(field.name for field in (*_PLACED, _ANGLE, _EXPOSURE)))
 SETTINGS = (
     *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
     *("Vision", "Exposure", *(field.label for field in _OTHERS), "Backdrop"),

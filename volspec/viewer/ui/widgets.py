@@ -17,7 +17,7 @@ import imgui_bundle
 from imgui_bundle import imgui
 
 from volspec._text import printable, text_runs
-from volspec.errors import VolspecWarning, quoted
+from volspec.errors import VolspecWarning, quote
 from volspec.settings import descriptions
 from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
@@ -57,7 +57,7 @@ def load_letters(text: str) -> None:
         fonts.add_font_from_file_ttf(str(font), FONT_SIZE, more)
     if any(unicodedata.bidirectional(c) in ("R", "AL") for c in lacking):
         warnings.warn(
-            f"the window shows {quoted(text)} from left to right; saved pictures show it right",
+            f"the window shows {quote(text)} from left to right; saved pictures show it right",
             VolspecWarning,
             stacklevel=2,
         )
@@ -231,11 +231,11 @@ def pick(
 
 def describe_field(cls: Any, field: str) -> str:
     """Return the description of a setting, for a tooltip."""
-    return _filled(descriptions(cls)[field])
+    return _wrap_description(descriptions(cls)[field])
 
 
 @lru_cache(maxsize=128)
-def _filled(text: str) -> str:
+def _wrap_description(text: str) -> str:
     return textwrap.fill(text.replace("``", ""), 64)
 
 

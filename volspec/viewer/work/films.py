@@ -20,7 +20,7 @@ from volspec.viewer.model.depth import picture_look
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.film import Film, film_steps, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.room import solved
+from volspec.viewer.model.room import solve_radiosity
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -74,7 +74,7 @@ def possible_kinds() -> tuple[str, ...]:
 
 def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
-    path, state = file.to.new_path(state.document, file.suffix), solved(state)
+    path, state = file.to.new_path(state.document, file.suffix), solve_radiosity(state)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
     stereo = picture_look(state).stereo
     size = even_size(stereo.eye_size(size)) if stereo else size
@@ -111,7 +111,7 @@ def film_plan(state: ViewState, film: Film) -> Plan:
 
 def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
     """Cast a state's views and write them as a web page; return its path."""
-    path, state = file.to.new_path(state.document, ".html"), solved(state)
+    path, state = file.to.new_path(state.document, ".html"), solve_radiosity(state)
     marks, size = state.document.saved()[0].export.annotate, file.size.pixels(state.size)
     scene = _scene(state, ExportSpec(annotate=marks), file.title)
 

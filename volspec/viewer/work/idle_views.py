@@ -72,7 +72,7 @@ class IdleWorker(LatestWorker[IdleJob, IdleDone]):
         return self._views.views(look.stereo, look.opacities, look.depth, size)
 
 
-def _baked(layered: CastDone) -> Mapping[str, float]:
+def _scales_in(layered: CastDone) -> Mapping[str, float]:
     """Return the scales of opacities that a picture's layers were cast with."""
     return layered.job.shading.opacities if layered.cast_pass.baked else {}
 
@@ -80,7 +80,9 @@ def _baked(layered: CastDone) -> Mapping[str, float]:
 def can_show(layered: CastDone, state: ViewState) -> bool:
     """Return True unless a picture's layers lack a material that is to be seen."""
     scales = opacity_scales(state)
-    return all(scales.get(n, 1.0) == 0.0 for n, scale in _baked(layered).items() if scale == 0.0)
+    return all(
+        scales.get(n, 1.0) == 0.0 for n, scale in _scales_in(layered).items() if scale == 0.0
+    )
 
 
 class IdleViews:
@@ -155,7 +157,7 @@ class IdleViews:
 
     def _of_layers(self, look: Look) -> Look:
         """Return a look as that of the layers, which may have some opacities baked in."""
-        baked = {} if self.cast is None else _baked(self.cast)
+        baked = {} if self.cast is None else _scales_in(self.cast)
         names, scales = {*look.opacities, *baked}, look.opacities
         of = {name: scales.get(name, 1.0) / (baked.get(name) or 1.0) for name in names}
         of = {name: scale for name, scale in of.items() if scale != 1.0 and baked.get(name) != 0}

@@ -32,7 +32,7 @@ from volspec.scene.tables import Mark
 from volspec.viewer.model.depth import needs_layers, picture_look, picture_spec, shown_stereo
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.room import has_walls, shown_spec, solved
+from volspec.viewer.model.room import has_walls, shown_spec, solve_radiosity
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
     Destination,
@@ -74,7 +74,7 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
 
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
-    path, state = shot.to.new_path(state.document, ".png"), solved(state)
+    path, state = shot.to.new_path(state.document, ".png"), solve_radiosity(state)
     size = shot.size.pixels(state.size)
     frame = render_frame(state, size, progress, partial(_marks, state, shot))
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}

@@ -25,9 +25,9 @@ from pydantic import ConfigDict, TypeAdapter
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
-from volspec.errors import InputError, SceneError, one_line, quoted
+from volspec.errors import InputError, SceneError, one_line, quote
 from volspec.scene import MeshCache, Resolver, SceneFile
-from volspec.settings import expected, plain, read_table
+from volspec.settings import plain, read_table, words_for
 from volspec.viewer.model.document import Document, shown_step
 from volspec.viewer.model.paths import name_below, relative_path
 from volspec.viewer.model.state import ViewState
@@ -143,7 +143,7 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         raise BrokenSession(problem, field="format")
     version = data.get("version")
     if type(version) is not int or version < 1:
-        problem = f"{name}: version is {quoted(version)}; expected {VERSION}"
+        problem = f"{name}: version is {quote(version)}; expected {VERSION}"
         raise BrokenSession(problem, code="type", given=version)
     if version != VERSION:
         remedy = "install a later volspec" if version > VERSION else "open its scene instead"
@@ -406,7 +406,7 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         if isinstance(scalar, str):
             scalar.encode()  # half of a surrogate pair is not text
     except ValueError as error:
-        raise ValueFault.refused(where, data, f"expected {expected(json_type)}", "type") from error
+        raise ValueFault.refused(where, data, f"expected {words_for(json_type)}", "type") from error
     return Path(scalar) if hint is Path else scalar
 
 

@@ -120,7 +120,7 @@ class SlicePictures:
             assert plane.image is not None
             unmeasured = replace(spec, viewing=spec.viewing.unmeasured())
             with Relighter(plane.image, backend="numpy") as relighter:
-                plane.write(self._context, _packed(relighter.frame(rig, unmeasured)))
+                plane.write(self._context, _pack_pixels(relighter.frame(rig, unmeasured)))
             plane.of_colours = of_colours
         return int(plane.texture.glo)
 
@@ -138,7 +138,7 @@ class SlicePictures:
         if colours is None:
             shades = greys(entries, state.document.volume.typical_range, window)
             colours = np.rint(255 * shades)[:, None].repeat(3, axis=1)
-        self._colours = _packed(colours)
+        self._colours = _pack_pixels(colours)
 
     def close(self) -> None:
         """Release everything."""
@@ -152,7 +152,7 @@ def _stride(volume: Volume, layout: Layout, width_px: float) -> int:
     return max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
 
 
-def _packed(codes: NDArray[Any]) -> NDArray[np.uint32]:
+def _pack_pixels(codes: NDArray[Any]) -> NDArray[np.uint32]:
     """Return (…, 3) codes as opaque pixels (…,)."""
     red, green, blue = np.moveaxis(codes.astype(np.uint32), -1, 0)
     return np.asarray(red | green << 8 | blue << 16 | _OPAQUE)

@@ -367,7 +367,7 @@ def _stored_values(one: Slice) -> NDArray[Any]:
             if layout["bits_allocated"] == 1 and decoder.is_native and syntax != DEFLATED:
                 return _bits(one)
             stream.seek(layout["offset"])
-            source = _inflated(file.path, file.state) if syntax == DEFLATED else stream
+            source = _read_deflated(file.path, file.state) if syntax == DEFLATED else stream
             values, _ = decoder.as_array(source, index=one.frame, raw=True, **layout)
     except (VolumeError, MemoryError):
         raise
@@ -396,7 +396,7 @@ def _bits(one: Slice) -> NDArray[np.uint8]:
 
 
 @lru_cache(maxsize=1)
-def _inflated(path: Path, state: tuple[int, int]) -> Any:
+def _read_deflated(path: Path, state: tuple[int, int]) -> Any:
     """Return the elements of a file that is compressed as a whole."""
     from pydicom import dcmread
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from volspec.errors import one_line
 from volspec.volume.files.lattice import affine
-from volspec.volume.files.layout import Layout, choose_axes, damaged
+from volspec.volume.files.layout import Layout, choose_axes, damage_error
 from volspec.volume.files.presence import is_packed, open_unpacked
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_UNIT, Metadata
@@ -32,7 +32,9 @@ def read_gipl(query: Query) -> Reading:
         spacing, origin = struct.unpack_from(">3f", head, 10), struct.unpack_from(">3d", head, 204)
         dtype = np.dtype(">" + _DTYPES[str(kind)])
     except (KeyError, struct.error, OSError, EOFError, zlib.error) as error:
-        raise damaged(path, f"is no GIPL image of numbers ({one_line(error)[:120]})") from error
+        raise damage_error(
+            path, f"is no GIPL image of numbers ({one_line(error)[:120]})"
+        ) from error
     shape = (*size, max(steps, 1))
     layout = Layout(path, (path,), dtype, shape, encoding, skip=_HEADER)
     notes: list[str] = []

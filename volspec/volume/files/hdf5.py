@@ -34,7 +34,7 @@ from volspec.errors import VolumeError, one_line
 from volspec.volume.checks import checked_geometry
 from volspec.volume.files.bdv import Size, choose_view, data_of
 from volspec.volume.files.lattice import mm_per_unit
-from volspec.volume.files.layout import damaged
+from volspec.volume.files.layout import damage_error
 from volspec.volume.files.n5 import are_axes
 from volspec.volume.files.omezarr import (
     DAMAGE,
@@ -79,7 +79,7 @@ class Dataset:
 
 
 @contextmanager
-def opened(query: Query) -> Iterator[Any]:
+def open_hdf5(query: Query) -> Iterator[Any]:
     """Open a file by h5py; the error of a damaged one becomes one line."""
     require_extra("hdf5", str(query.path))
     import h5py
@@ -91,7 +91,7 @@ def opened(query: Query) -> Iterator[Any]:
         raise
     except DAMAGE as error:
         problem = f"cannot be read as HDF5 ({one_line(error)[:120]})"
-        raise damaged(query.path, problem) from error
+        raise damage_error(query.path, problem) from error
 
 
 def texts(attribute: Any) -> list[str]:
@@ -125,7 +125,7 @@ def require_parts_inside(path: Path) -> None:
 
         if not h5py.is_hdf5(path):
             return
-    with opened(Query(path)) as file:
+    with open_hdf5(Query(path)) as file:
         for name in _parts(file):
             require_inside(path.parent / name, VolumeError)
             for folder in (Path(), path.resolve().parent):  # where HDF5 looks, too
@@ -162,12 +162,12 @@ def _parts(file: Any) -> Iterator[str]:
 def read_hdf5(query: Query) -> Reading:
     """Read a dataset, or one time step and one channel of it."""
     query.allow("dataset", "time", "channel", "spacing")
-    return read_finest(query, _selected(query))
+    return read_finest(query, _select_stack(query))
 
 
 def hdf5_stack(query: Query) -> Stack | None:
     """Return a dataset that is larger than memory as a level; else None."""
-    return if_larger(query, _selected)
+    return if_larger(query, _select_stack)
 
 
 def read_project(query: Query) -> Reading:
@@ -189,9 +189,9 @@ def project_stack(query: Query) -> Stack | None:
     return ome_zarr_stack(query) if query.path.is_dir() else hdf5_stack(query)
 
 
-def _selected(query: Query) -> Stack:
+def _select_stack(query: Query) -> Stack:
     """Return the dataset, time step and channel that the query selects, as a level."""
-    with opened(query) as file:
+    with open_hdf5(query) as file:
         broken: dict[str, str] = {}
         arrays = _datasets(file, broken)
         if not arrays and broken:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from volspec.volume.channels import Channel
-from volspec.volume.files.hdf5 import Dataset, if_larger, opened, read_finest, texts
+from volspec.volume.files.hdf5 import Dataset, if_larger, open_hdf5, read_finest, texts
 from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.levels.pyramid import Level, Stack
@@ -25,17 +25,17 @@ from volspec.volume.metadata import Metadata
 def read_imaris(query: Query) -> Reading:
     """Read a channel and a time step of an Imaris file."""
     query.allow("channel", "time")
-    return read_finest(query, _selected(query))
+    return read_finest(query, _select_stack(query))
 
 
 def imaris_stack(query: Query) -> Stack | None:
     """Return the levels of an Imaris file that is larger than memory; else None."""
-    return if_larger(query, _selected)
+    return if_larger(query, _select_stack)
 
 
-def _selected(query: Query) -> Stack:
+def _select_stack(query: Query) -> Stack:
     """Return the levels of a channel and time step, finest first."""
-    with opened(query) as file:
+    with open_hdf5(query) as file:
         info, first = file["DataSetInfo"], file["DataSet/ResolutionLevel 0"]
         channels = [_texts_of(info[f"Channel {c}"]) for c in range(len(first["TimePoint 0"]))]
         names = [channel.get("Name", "") for channel in channels]

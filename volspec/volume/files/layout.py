@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._confine import require_inside
-from volspec.errors import VolumeError, quoted
+from volspec.errors import VolumeError, quote
 from volspec.volume.files.presence import require_contents
 from volspec.volume.files.query import Query, Stored
 
@@ -119,7 +119,7 @@ class Layout:
                 self._go_to_voxels(file)
                 if self.seek < 0 and self.encoding == "raw":
                     file.seek(max(path.stat().st_size - size, 0))
-                for chunk in _unpacked(file, self.encoding, self.dtype):
+                for chunk in _decode_chunks(file, self.encoding, self.dtype):
                     part = chunk[skip:][:room]
                     skip, room = max(skip - len(chunk), 0), room - len(part)
                     yield part
@@ -193,7 +193,7 @@ def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
         parts = PurePath(name.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in name:
             raise VolumeError(
-                f"{path}: its voxels are said to be in {quoted(name)}; a data file must lie in the "
+                f"{path}: its voxels are said to be in {quote(name)}; a data file must lie in the "
                 "header's folder or below it, move it there and correct the header",
                 code="unsupported",
             )
@@ -227,10 +227,10 @@ def named_files(
     if "%" not in where:
         return data_files(path, [where])
     pattern, *numbers = where.split()
-    return data_files(path, _numbered(path, pattern, [*numbers, *usual[len(numbers) :]]))
+    return data_files(path, _expand_pattern(path, pattern, [*numbers, *usual[len(numbers) :]]))
 
 
-def _numbered(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
+def _expand_pattern(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
     """Return the names of a pattern such as ``slice%03d.raw``, with first, last and step."""
     try:
         first, last, step = (int(word) for word in numbers[:3])
@@ -240,7 +240,7 @@ def _numbered(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
         return [pattern % number for number in sequence[: _MAX_FILES + 1]]
     except (ValueError, TypeError) as error:
         raise VolumeError(
-            f"{path}: its voxels are said to be in {quoted(' '.join((pattern, *numbers)))}; a "
+            f"{path}: its voxels are said to be in {quote(' '.join((pattern, *numbers)))}; a "
             "pattern of names has one number, such as slice%03d.raw 1 110 1",
             code="syntax",
         ) from error
@@ -250,7 +250,7 @@ def counts(path: Path, words: Sequence[str]) -> tuple[int, ...]:
     """Return the sizes of a header. Raises VolumeError if one is no positive number."""
     if not all(word.isdecimal() and len(word) < 20 and int(word) > 0 for word in words):
         raise VolumeError(
-            f"{path}: sizes {quoted(' '.join(words))}; each must be a positive whole number of "
+            f"{path}: sizes {quote(' '.join(words))}; each must be a positive whole number of "
             "fewer than 20 digits",
             code="range",
         )
@@ -261,22 +261,22 @@ def dimensions(path: Path, word: str, maximum: int = 16) -> int:
     """Return the number of axes of a header. Raises VolumeError if it is none."""
     if not (word.isdecimal() and len(word) < 20 and 1 <= int(word) <= maximum):
         raise VolumeError(
-            f"{path}: {quoted(word)} dimensions; expected 3, correct the header", code="shape"
+            f"{path}: {quote(word)} dimensions; expected 3, correct the header", code="shape"
         )
     return int(word)
 
 
-def damaged(path: Path, problem: str) -> VolumeError:
+def damage_error(path: Path, problem: str) -> VolumeError:
     """Return the error of a header that cannot be read."""
     return VolumeError(
         f"{path}: {problem}; is the file complete and of the type its name says?", code="damaged"
     )
 
 
-def _unpacked(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[bytes]:
+def _decode_chunks(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[bytes]:
     """Yield a file's bytes from its current position, decoded a chunk at a time."""
     if encoding in ("zlib", "gzip"):
-        yield from _inflated(file, many=encoding == "gzip")
+        yield from _inflate_chunks(file, many=encoding == "gzip")
     elif encoding in ("text", "hex"):
         yield from _decoded_text(file, None if encoding == "hex" else dtype)
     else:
@@ -285,7 +285,7 @@ def _unpacked(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[b
                 yield chunk
 
 
-def _inflated(file: BinaryIO, many: bool) -> Iterator[bytes]:
+def _inflate_chunks(file: BinaryIO, many: bool) -> Iterator[bytes]:
     """Yield what zlib or gzip packed, also of several gzip members: faster than by gzip itself."""
     packed = file.read(_PACKED)
     while packed:

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import VolumeError, quoted
+from volspec.errors import VolumeError, quote
 from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.layout import (
     Layout,
     choose_axes,
     counts,
-    damaged,
+    damage_error,
     dimensions,
     named_files,
 )
@@ -45,7 +45,7 @@ def read_metaimage(query: Query) -> Reading:
     axes = dimensions(path, fields.get("NDims", "3"))
     size = counts(path, fields.get("DimSize", "").split())
     if len(size) != axes:
-        raise damaged(path, f"its DimSize has {len(size)} numbers, its NDims is {axes}")
+        raise damage_error(path, f"its DimSize has {len(size)} numbers, its NDims is {axes}")
     world, metadata = _world_from_index(query, fields, axes)
     channels = counts(path, [fields.get("ElementNumberOfChannels", "1")])
     shape = channels + size if channels[0] > 1 else size
@@ -70,7 +70,7 @@ def _header(path: Path) -> tuple[dict[str, str], tuple[str, ...], int]:
                 continue
             if (match := _LINE.fullmatch(line)) is None:
                 raise VolumeError(
-                    f"{path}: line {number + 1} of its header, {quoted(line)}, is not "
+                    f"{path}: line {number + 1} of its header, {quote(line)}, is not "
                     "written as Name = value; correct or delete it",
                     code="syntax",
                 )
@@ -96,7 +96,7 @@ def _layout(
     code = _TYPES.get(name.removeprefix("MET_").removesuffix("_ARRAY"))
     if code is None:
         raise VolumeError(
-            f"{path}: its ElementType is {quoted(name)}, none of MetaImage's for numbers; correct "
+            f"{path}: its ElementType is {quote(name)}, none of MetaImage's for numbers; correct "
             "the header",
             code="unsupported",
         )
@@ -108,10 +108,10 @@ def _layout(
     try:
         seek = int(fields.get("HeaderSize", "0"))
     except ValueError as error:
-        raise damaged(path, f"its HeaderSize is {quoted(fields['HeaderSize'])}") from error
+        raise damage_error(path, f"its HeaderSize is {quote(fields['HeaderSize'])}") from error
     where = fields.get("ElementDataFile", "")
     if not where:
-        raise damaged(path, "its header does not say where the voxels are (ElementDataFile)")
+        raise damage_error(path, "its header does not say where the voxels are (ElementDataFile)")
     files: tuple[Path, ...] = (path,)
     if where.upper() == "LOCAL":
         seek = seek or end
@@ -155,7 +155,7 @@ def _world_from_index(
     columns[:of, :of], first[:of] = directions[:of, :of] * spacing[:3] * mm, start[:3] * mm
     world = affine(columns, first)
     if not np.isfinite(world).all():
-        raise damaged(path, "its directions or its origin hold no numbers")
+        raise damage_error(path, "its directions or its origin hold no numbers")
     letters = fields.get("AnatomicalOrientation", "").strip("? ")
     return world, Metadata(is_patient=letters != "", assumed=assumed)
 
@@ -172,5 +172,5 @@ def _numbers(
     except ValueError:
         numbers = np.empty(0)
     if len(numbers) < count:
-        raise damaged(path, f"its {name} is {quoted(fields[name])}, not {count} numbers")
+        raise damage_error(path, f"its {name} is {quote(fields[name])}, not {count} numbers")
     return numbers[:count]

@@ -100,11 +100,11 @@ def _czi(query: Query, stack: ExitStack) -> Image:
     metadata = file.metadata["ImageDocument"]["Metadata"]
     um, names = {}, []
     with suppress(*_UNSTATED):
-        for distance in _listed(metadata["Scaling"]["Items"]["Distance"]):
+        for distance in _ensure_list(metadata["Scaling"]["Items"]["Distance"]):
             um[distance["@Id"]] = float(distance["Value"]) * 1e6
     with suppress(*_UNSTATED):
         channels = metadata["Information"]["Image"]["Dimensions"]["Channels"]["Channel"]
-        names = [channel.get("@Name", "") for channel in _listed(channels)]
+        names = [channel.get("@Name", "") for channel in _ensure_list(channels)]
     one = file.read(roi=(box.x, box.y, 1, 1), scene=scene)
     is_colour = one.shape[-1] == 3 and sizes.get("C", 1) == 1
 
@@ -117,7 +117,7 @@ def _czi(query: Query, stack: ExitStack) -> Image:
     return Image(sizes, one.dtype, read, um, names)
 
 
-def _listed(value: Any) -> list[Any]:
+def _ensure_list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.lattice import LPS_FROM_RAS, affine
-from volspec.volume.files.layout import Layout, choose_axes, damaged, data_files
+from volspec.volume.files.layout import Layout, choose_axes, damage_error, data_files
 from volspec.volume.files.presence import is_packed, open_unpacked
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.metadata import NO_SPACING, Metadata
@@ -48,7 +48,7 @@ def read_mif(query: Query) -> Reading:
         name, _, offset = header["file"][0].rpartition(" ")
         first = int(offset)
     except (KeyError, ValueError, IndexError, OSError, EOFError, zlib.error) as error:
-        raise damaged(path, f"its header cannot be read ({one_line(error)[:120]})") from error
+        raise damage_error(path, f"its header cannot be read ({one_line(error)[:120]})") from error
     if kind is None or len(header["file"]) > 1:
         raise VolumeError(
             f"{path}: holds {header['datatype'][0]} in {len(header['file'])} files",

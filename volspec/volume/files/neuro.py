@@ -62,14 +62,14 @@ class _Opened:
         """Read a header; a file is unpacked if it is packed, whatever its name says."""
         import nibabel
 
-        with _refusing(path):
+        with _wrap_errors(path):
             packed = is_packed(path)
-        with _refusing(path), open_unpacked(path) as file:
+        with _wrap_errors(path), open_unpacked(path) as file:
             head = file.read(_NIFTI_2)
             named = path.name.lower().endswith((".nii", ".nii.gz"))
             if named or head[344:347] == b"n+1" or head[4:7] == b"n+2":
                 return cls._of_nifti(path, head, file, packed)
-        with _refusing(path):
+        with _wrap_errors(path):
             if path.name.lower().endswith((".mgh", ".mgz")):
                 with open_unpacked(path) as file:
                     holder = nibabel.fileholders.FileHolder(str(path), file)
@@ -178,7 +178,7 @@ def read_neuro(query: Query) -> Reading:
     else:
         query.reserve(shape[:3], dtype.itemsize)
         index: tuple[Any, ...] = (..., *(picked[axis] for axis in range(3, len(shape))))
-        with _refusing(path):
+        with _wrap_errors(path):
             part = opened.proxy[index[::-1] if time_first else index]
         values = np.asarray(part, np.float32).T
         values = values.reshape(values.shape[-3:])
@@ -186,7 +186,7 @@ def read_neuro(query: Query) -> Reading:
 
 
 @contextmanager
-def _refusing(path: Path) -> Iterator[None]:
+def _wrap_errors(path: Path) -> Iterator[None]:
     """Turn whatever nibabel raises for a damaged file into a one-line error."""
     try:
         yield
@@ -235,7 +235,7 @@ def _world_from_index(
     header = opened.header
     if not hasattr(header, "get_xyzt_units"):
         if opened.world is None:
-            return _spaced(header), Metadata()
+            return _spacing_affine(header), Metadata()
         return LPS_FROM_RAS @ opened.world, _PATIENT
     unit_mm = mm_per_unit(_units(header)[0])
     assumed = (NO_UNIT,) if unit_mm is None else ()
@@ -256,8 +256,8 @@ def _world_from_index(
             "qform is taken"
         )
     if not usable:
-        return _spaced(header, unit_mm), Metadata(assumed=assumed)
-    if len(usable) == 2 and _turned(*usable):
+        return _spacing_affine(header, unit_mm), Metadata(assumed=assumed)
+    if len(usable) == 2 and _axes_differ(*usable):
         notes.append(
             f"{query.path}: its sform (code {int(header['sform_code'])}) and its qform (code "
             f"{int(header['qform_code'])}) lead to different directions; the sform is taken, as by "
@@ -303,14 +303,14 @@ def _is_oriented(image: Any) -> bool:
     return not isinstance(image, MGHImage) or bool(image.header["goodRASFlag"] > 0)
 
 
-def _turned(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+def _axes_differ(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Return True if an axis of two maps leads elsewhere."""
     with np.errstate(invalid="ignore", divide="ignore"):
         columns = [m[:3, :3] / np.linalg.norm(m[:3, :3], axis=0) for m in (one, other)]
     return bool((columns[0] * columns[1]).sum(axis=0).min() < np.cos(_TURNED))
 
 
-def _spaced(header: Any, unit_mm: float = 1.0) -> NDArray[np.float64]:
+def _spacing_affine(header: Any, unit_mm: float = 1.0) -> NDArray[np.float64]:
     """Return the map of a header without an orientation; 0 and what is no number count as 1."""
     zooms = np.abs(np.array(header.get_zooms()[:3], np.float64))
     zooms = np.where((zooms > 0) & np.isfinite(zooms), zooms, 1.0)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import VolumeError, quoted
+from volspec.errors import VolumeError, quote
 from volspec.volume.channels import ALL
 from volspec.volume.files.label_tables import labels_in_nrrd
 from volspec.volume.files.lattice import affine, mm_per_unit
@@ -27,7 +27,7 @@ from volspec.volume.files.layout import (
     Layout,
     choose_axes,
     counts,
-    damaged,
+    damage_error,
     dimensions,
     named_files,
 )
@@ -71,7 +71,7 @@ class _Header:
         listed: list[str] = []
         with path.open("rb") as file:
             if not file.readline(80).startswith(b"NRRD"):
-                raise damaged(path, "does not begin as an NRRD header")
+                raise damage_error(path, "does not begin as an NRRD header")
             for _ in range(_MAX_LINES):
                 line = _text(file.readline(_MAX_LENGTH)).strip()
                 if not line:
@@ -90,7 +90,7 @@ class _Header:
         """Return one word for each axis; empty if the field is missing."""
         words = self.named.get(name, "").split()
         if words and len(words) != count:
-            raise damaged(self.path, f"its {name} are {len(words)}, its axes {count}")
+            raise damage_error(self.path, f"its {name} are {len(words)}, its axes {count}")
         return words
 
     def numbers(self, name: str, count: int) -> NDArray[np.float64] | None:
@@ -99,7 +99,7 @@ class _Header:
         try:
             return np.array([float(word) for word in words]) if words else None
         except ValueError as error:
-            raise damaged(self.path, f"its {name} are {quoted(self.named[name])}") from error
+            raise damage_error(self.path, f"its {name} are {quote(self.named[name])}") from error
 
     def units(self, name: str, count: int) -> NDArray[np.float64]:
         """Return the millimetres in the unit of each axis; NaN if it is none of length."""
@@ -113,7 +113,9 @@ class _Header:
             vector = self.vector(text) if text != "none" else None
             vectors.append(vector if vector is not None and vector.any() else None)
         if vectors and len(vectors) != count:
-            raise damaged(self.path, f"its space directions are {len(vectors)}, its axes {count}")
+            raise damage_error(
+                self.path, f"its space directions are {len(vectors)}, its axes {count}"
+            )
         return vectors
 
     def vector(self, text: str) -> NDArray[np.float64] | None:
@@ -121,7 +123,7 @@ class _Header:
         try:
             numbers = np.array([float(word) for word in text.strip("() ").split(",")])
         except ValueError as error:
-            raise damaged(self.path, f"its vector is {quoted(text)}") from error
+            raise damage_error(self.path, f"its vector is {quote(text)}") from error
         if len(numbers) < 2:
             raise VolumeError(f"{self.path}: its space is {len(numbers)}-D, not 3-D", code="shape")
         return None if np.isnan(numbers).all() else np.append(numbers, 0.0)[:3]
@@ -141,7 +143,7 @@ def read_nrrd(query: Query) -> Reading:
     axes = dimensions(query.path, header.named.get("dimension", "").replace(" ", ""))
     shape = counts(query.path, header.named.get("sizes", "").split())
     if len(shape) != axes:
-        raise damaged(query.path, f"its sizes are {len(shape)}, its axes {axes}")
+        raise damage_error(query.path, f"its sizes are {len(shape)}, its axes {axes}")
     layout = _layout(header, shape)
     roles = _roles(header, axes)
     space = [axis for axis in range(axes) if axis not in roles]
@@ -152,7 +154,7 @@ def read_nrrd(query: Query) -> Reading:
     values: Stored | NDArray[Any]
     labels: Labels | None
     if list(roles.values()) == ["channel"] and labels_in_nrrd(header.pairs, 0) and _all(query):
-        values, labels = _merged(layout, next(iter(roles)), header, query, notes)
+        values, labels = _merge_segments(layout, next(iter(roles)), header, query, notes)
     else:
         picked = choose_axes(query, shape, roles)
         values = layout.read(picked, query, notes)
@@ -166,7 +168,7 @@ def _all(query: Query) -> bool:
     return query.choices is None and query.options.get("channel", ALL) == ALL
 
 
-def _merged(
+def _merge_segments(
     layout: Layout, axis: int, header: _Header, query: Query, notes: list[str]
 ) -> tuple[NDArray[Any], Labels]:
     """Return the segments of several layers, which may overlap, as one volume of labels.
@@ -227,9 +229,9 @@ def _layout(header: _Header, shape: tuple[int, ...]) -> Layout:
     code = _TYPES.get(re.sub(r"unsigned ", "u", words).removesuffix(" int").replace(" ", ""))
     encoding = _ENCODINGS.get(named.get("encoding", "raw").lower())
     if code is None or encoding is None:
-        problem = f"type {quoted(named.get('type', ''))}"
+        problem = f"type {quote(named.get('type', ''))}"
         if code is not None:
-            problem = f"encoding {quoted(named['encoding'])}"
+            problem = f"encoding {quote(named['encoding'])}"
         raise VolumeError(
             f"{path}: its {problem} is none of NRRD's for numbers; correct the header",
             code="unsupported",
@@ -237,7 +239,7 @@ def _layout(header: _Header, shape: tuple[int, ...]) -> Layout:
     try:
         skip, lines = (int(named.get(name, "0")) for name in ("byteskip", "lineskip"))
     except ValueError as error:
-        raise damaged(path, "its byte or line skip is no whole number") from error
+        raise damage_error(path, "its byte or line skip is no whole number") from error
     where = named["datafile"]
     files = named_files(path, where, header.listed) if where else (path,)
     packed = encoding in ("gzip", "bzip2")

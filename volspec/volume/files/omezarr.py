@@ -146,7 +146,7 @@ def is_zarr(folder: Path) -> bool:
 def read_ome_zarr(query: Query) -> Reading:
     """Read a level of a picture, with the channel and time that the query selects."""
     query.allow("level", "channel", "time", "dataset", "axes")
-    picture = _opened(query)
+    picture = _open_picture(query)
     notes: list[str] = []
     level = picture.choose_level(notes)
     notes += picture.unit_notes(level)
@@ -205,7 +205,7 @@ def ome_zarr_stack(query: Query) -> Stack | None:
     """
     if "level" in query.options or query.choices is not None:
         return None
-    picture = _opened(query)
+    picture = _open_picture(query)
     if not picture.is_in_parts:
         return None
     if any(level.nbytes > _MAX_BYTES for level in picture.levels):
@@ -290,7 +290,7 @@ def _check_extent(picture: _Picture, number: int) -> None:
         )
 
 
-def _opened(query: Query) -> _Picture:
+def _open_picture(query: Query) -> _Picture:
     """Return a picture, or an array as one."""
     path = query.path
     if not query.is_remote and is_n5(path):

@@ -36,7 +36,7 @@ from volspec._parse import parse_xml
 from volspec.errors import VolspecError, VolumeError, one_line
 from volspec.volume.channels import Channel, channels_of_imagej
 from volspec.volume.files.lattice import mm_per_unit, spacing_text
-from volspec.volume.files.layout import damaged
+from volspec.volume.files.layout import damage_error
 from volspec.volume.files.query import ChoicesListed, Query
 from volspec.volume.metadata import NO_SPACING, Metadata
 
@@ -89,7 +89,7 @@ def picture_errors(path: Path) -> Iterator[None]:
         log.propagate = propagated
     if fault or handler.buffer:
         cause = handler.buffer[0].getMessage() if handler.buffer else str(fault)
-        raise damaged(path, f"cannot be read ({one_line(cause)[:120]})") from fault
+        raise damage_error(path, f"cannot be read ({one_line(cause)[:120]})") from fault
 
 
 def _lacks_codec(error: Exception) -> bool:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from volspec._extras import install_command
 from volspec._files import is_remote
 from volspec._gpu import host_free_bytes
-from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
+from volspec.errors import DeviceError, VolumeError, nearest, one_line, quote
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import Metadata
@@ -85,7 +85,7 @@ class Query:
                 return cls(Path(text))
         except (OSError, ValueError) as error:  # the name is too long or contains NUL
             raise VolumeError(
-                f"volume: invalid path {quoted(text)}: {one_line(error)}", code="syntax", given=text
+                f"volume: invalid path {quote(text)}: {one_line(error)}", code="syntax", given=text
             ) from error
         if not path:
             raise VolumeError(

@@ -61,8 +61,8 @@ def tiff_stack(query: Query) -> Stack | None:
 
 def _slices(query: Query) -> Slices:
     path, notes = query.path, list[str]()
-    with picture_errors(path), _opened(path) as tiff:
-        stack = _selected(tiff, query)
+    with picture_errors(path), _open_tiff(path) as tiff:
+        stack = _select_stack(tiff, query)
         query.end_choices()
         series, sizes = stack.series, stack.sizes
         if stack.slice_axis == _TIME:
@@ -89,8 +89,8 @@ def _slices(query: Query) -> Slices:
 
 
 def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
-    with picture_errors(query.path), _opened(query.path) as tiff:
-        stack = _selected(tiff, query)
+    with picture_errors(query.path), _open_tiff(query.path) as tiff:
+        stack = _select_stack(tiff, query)
         series, axes = stack.series, stack.axes
         if stack.is_run or not stack.has_pages:
             dtype = np.dtype(tiff.byteorder + series.dtype.char)
@@ -99,7 +99,7 @@ def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
                 if stack.is_run
                 else series.asarray()
             )
-            picked = _picked(voxels, axes, stack.indices, (*stack.slice_axis, *"YX"))
+            picked = _index_axes(voxels, axes, stack.indices, (*stack.slice_axis, *"YX"))
             return np.asarray((picked if stack.slice_axis else picked[None])[numbers])
         count = len(stack.leading)
 
@@ -109,12 +109,12 @@ def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
             ]
             number = np.ravel_multi_index(place, series.shape[:count])
             page = page_values(series.pages[int(number)]).reshape(series.shape[count:])
-            return _picked(page, axes[count:], stack.indices, "YX")
+            return _index_axes(page, axes[count:], stack.indices, "YX")
 
         return stack_slices(numbers, read)
 
 
-def _opened(path: Path) -> Any:
+def _open_tiff(path: Path) -> Any:
     """Open a file, or that with its OME-XML.
 
     Pages written one by one are joined, which tifffile makes separate series.
@@ -163,7 +163,7 @@ class _Selection(NamedTuple):
     has_pages: bool  # each page is of one slice; else the series is read as a whole
 
 
-def _selected(tiff: Any, query: Query) -> _Selection:
+def _select_stack(tiff: Any, query: Query) -> _Selection:
     """Return the stack that a query selects by its series, axes, channel and time."""
     query.allow("series", "axes", "channel", "time")
     series, axes = _series(tiff, query)
@@ -242,11 +242,11 @@ def _complete_slices(stack: _Selection, path: Path, notes: list[str]) -> int:
     present = present.reshape(series.shape[: len(leading)])
     time = {axis: k for axis, k in index.items() if axis == _TIME}
     other_axes = [axis for axis in leading if axis != slice_axis and axis not in time]
-    by_slice = _picked(present, leading, time, (*slice_axis, *other_axes)).reshape(count, -1)
+    by_slice = _index_axes(present, leading, time, (*slice_axis, *other_axes)).reshape(count, -1)
     complete = by_slice[:, by_slice.any(axis=0)].all(axis=1)
     first = count if complete.all() else int(complete.argmin())
     remedy = "if they are in other files, copy these to the same folder"
-    if not _picked(present, leading, index, slice_axis).any():
+    if not _index_axes(present, leading, index, slice_axis).any():
         code: Code = "range" if by_slice.any() else "damaged"  # "range": other channels are read
         raise VolumeError(f"{path}: no pages of this channel and time are there", remedy, code=code)
     if first < count:
@@ -259,7 +259,7 @@ def _complete_slices(stack: _Selection, path: Path, notes: list[str]) -> int:
     return first
 
 
-def _picked(
+def _index_axes(
     values: NDArray[Any], axes: str, picked: Mapping[str, int], order: Iterable[str]
 ) -> NDArray[Any]:
     """View an array at an index along some of its axes, with its other axes in an order."""

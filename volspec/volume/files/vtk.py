@@ -27,7 +27,7 @@ from xml.parsers import expat
 from volspec._extras import require_extra
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
-from volspec.volume.files.layout import TRUNCATED, damaged, data_files
+from volspec.volume.files.layout import TRUNCATED, damage_error, data_files
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.vtk_grid import scalar_names, values_and_lattice
 from volspec.volume.metadata import NO_UNIT, Metadata
@@ -92,7 +92,7 @@ def _grid(query: Query) -> Any:
             warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
             return pyvista.read(query.path)
     except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
-        raise damaged(query.path, _UNREADABLE) from error
+        raise damage_error(query.path, _UNREADABLE) from error
     finally:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
@@ -245,7 +245,7 @@ class _XmlHeader:
                     head = file.read(_CHUNK)
                     self._start += head.index(b"_", head.index(b">")) + 1
             except (expat.ExpatError, ValueError, LookupError) as error:
-                raise damaged(self.path, _UNREADABLE) from error
+                raise damage_error(self.path, _UNREADABLE) from error
 
     def _begin(self, parser: Any, name: str, attrs: dict[str, str]) -> None:
         self._open.append(name)
@@ -308,7 +308,7 @@ class _XmlHeader:
                 try:
                     actual = self._stored_bytes(array, file)
                 except (ValueError, struct.error, binascii.Error, OverflowError, OSError) as error:
-                    raise damaged(self.path, _UNREADABLE) from error
+                    raise damage_error(self.path, _UNREADABLE) from error
                 query.require_held(actual, (array.values,), array.values * array.itemsize)
         return nbytes
 

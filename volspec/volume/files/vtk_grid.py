@@ -91,11 +91,13 @@ def values_and_lattice(
         world[:3, 3] += world[:3, :3].sum(axis=1) / 2
     if array.ndim > 1:
         array = array.reshape(len(array), -1)[:, component]
-    hidden, notes = _hidden(grid, is_cells, name)
+    hidden, notes = _hidden_in(grid, is_cells, name)
     return with_nan(array.reshape(shape[::-1]), hidden), world, notes
 
 
-def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | np.bool_, list[str]]:
+def _hidden_in(
+    grid: Any, is_cells: bool, name: str
+) -> tuple[NDArray[np.bool_] | np.bool_, list[str]]:
     """Return True for cells, or points, (Z, Y, X) that the grid hides, and warnings of others.
 
     A cell is hidden with any of its points, a point with all of its cells.

@@ -594,17 +594,17 @@ def _boxes_of(of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
     runs = zip(ends[::2], ends[1::2], strict=True)
     boxes: list[Box] = [((z, z + 1), (y, y + 1), (a, b)) for (z, y, a), (_, _, b) in runs]
     pieces = []
-    for box in _joined(_joined(boxes, 1), 0):
+    for box in _join_boxes(_join_boxes(boxes, 1), 0):
         pairs = zip(box, of_chunk, strict=True)
         z, y, x = ((low + BLOCK * a, min(low + BLOCK * b, end)) for (a, b), (low, end) in pairs)
         pieces.append((z, y, x))
     return pieces
 
 
-def _joined(boxes: Sequence[Box], axis: int) -> list[Box]:
+def _join_boxes(boxes: Sequence[Box], axis: int) -> list[Box]:
     """Join boxes, in ascending order, where one continues another along an axis.
 
-    >>> _joined([((0, 1), (0, 1), (0, 3)), ((0, 1), (1, 2), (0, 3))], 1)
+    >>> _join_boxes([((0, 1), (0, 1), (0, 3)), ((0, 1), (1, 2), (0, 3))], 1)
     [((0, 1), (0, 2), (0, 3))]
     """
     joined: dict[Any, Box] = {}

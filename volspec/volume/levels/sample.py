@@ -101,9 +101,9 @@ def _fills(value: float, values: NDArray[Any]) -> bool:
 def histogram_of_values(values: NDArray[Any], span: tuple[float, float]) -> NDArray[np.float64]:
     """Count values in (`BINS`,) bins over a span; others are left out."""
     if not _is_counted_by_value(values.dtype):
-        return _binned(values, span)
+        return _bin_values(values, span)
     codes = np.iinfo(values.dtype)
-    return _binned(np.arange(codes.min, codes.max + 1), span, _by_value(values))
+    return _bin_values(np.arange(codes.min, codes.max + 1), span, _by_value(values))
 
 
 def _is_counted_by_value(dtype: np.dtype[Any]) -> bool:
@@ -120,7 +120,7 @@ def _by_value(values: NDArray[Any]) -> NDArray[np.intp]:
     return counts
 
 
-def _binned(
+def _bin_values(
     values: NDArray[Any], span: tuple[float, float], weights: NDArray[np.intp] | None = None
 ) -> NDArray[np.float64]:
     low, high = span
@@ -165,9 +165,9 @@ class Sampler:
         if self._span[0] > self._span[1]:
             return None
         if self._counts is None:
-            histogram = _binned(np.concatenate(self._counted), self._span)
+            histogram = _bin_values(np.concatenate(self._counted), self._span)
         else:
             codes = np.iinfo(self._voxels.dtype)
             values = np.arange(codes.min, codes.max + 1)
-            histogram = _binned(values, self._span, self._counts)
+            histogram = _bin_values(values, self._span, self._counts)
         return Sample(self._span, histogram, self._voxels)
