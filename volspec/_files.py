@@ -35,7 +35,7 @@ _MAX_COMPARED = 5000
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 # Endings that belong together.
-_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".zarr.zip", ".volspec.json")
+_DOUBLE = (".ome.tif", ".ome.tiff", ".ome.zarr", ".zarr.zip", ".volspec.json")
 # Folders of the libraries and ours in the user's cache; and the bytes that programs may take.
 _CACHES, _MIN_FREE_BYTES = ("pocl", "pyopencl", "pytools", "volspec"), 16 << 20
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
@@ -429,6 +429,7 @@ def plain_stem(name: str) -> str:
     >>> [plain_stem(name) for name in ("head.nii.gz", "a.b.toml", "run.volspec.json")]
     ['head', 'a.b', 'run']
     """
+    name = name[:-3] if name.lower().endswith(".gz") else name
     double = next((suffix for suffix in _DOUBLE if name.lower().endswith(suffix)), "")
     return name[: -len(double)] if double else os.path.splitext(name)[0]
 
