@@ -104,6 +104,8 @@ def test_nayatani_agrees_with_colour_science(seen):
     worst(ours.M, np.abs(theirs.M), XYZ, LIMIT, "M")
     worst_correlates("Qs", ours, theirs, XYZ)
     worst(ours.L_N, theirs.L_star_N, XYZ, LIMIT, "L_N")
+    components = ours.M * np.cos(np.radians(ours.h)), ours.M * np.sin(np.radians(ours.h))
+    np.testing.assert_allclose([ours.M_RG, ours.M_YB], components, rtol=1e-12, atol=1e-12)
     # Q of eq. 104 is what L*_P has over 50.
     worst(ours.Q_WB, theirs.L_star_P - 50.0, XYZ, LIMIT, "Q_WB")
     np.testing.assert_array_equal(ours.defined, ours.J >= 0.0)
@@ -201,6 +203,15 @@ def test_hunt_agrees_with_colour_science(name):
     worst(ours.J, J, XYZ, LIMIT, "J")
     worst(ours.C, np.abs(C), XYZ, LIMIT, "C")
     worst(ours.M, colour_hunt.colourfulness_correlate(eye.F_L, np.abs(C)), XYZ, LIMIT, "M")
+    cones = hunt._signals(XYZ, XYZ[:, 1] / eye.Y_w, eye)[0]
+    C_123, e_s = (
+        colour_hunt.colour_difference_signals(cones),
+        colour_hunt.eccentricity_factor(ours.h),
+    )
+    induced = e_s, eye.N_c, eye.N_bb
+    worst(ours.M_RG, colour_hunt.redness_greenness_response(C_123, *induced), XYZ, LIMIT, "M_RG")
+    M_YB = colour_hunt.yellowness_blueness_response(C_123, *induced, eye.F_t)
+    worst(ours.M_YB, M_YB, XYZ, LIMIT, "M_YB")
 
 
 def test_hunt_with_helson_judd_agrees_with_colour_science():

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # Below this chroma the hue is rounding noise: black and the white have no hue.
 _MIN_CHROMA = 1e-6
+# In --json alone, as tables are wide.
+_COMPONENTS = "M_RG", "M_YB"
 XYZ, JCH = ("X", "Y", "Z"), ("J", "C", "h")
 Table = Annotated[
     Path | None,
@@ -206,12 +208,16 @@ def appearance(
         look = appearance_of(appearance_model, colours, conditions, **settings.get(name, {}))
         shared = {"L_A": conditions.L_A, "Y_b": conditions.Y_b}
         rows_of[name] = [
-            {"model": name, **dict(zip(names, colour, strict=True)), **row, **shared}
+            {"model": name, **dict(zip(names, colour, strict=True)), **_cells(row, json), **shared}
             for colour, row in zip(colours.tolist(), look, strict=True)
         ]
     under = f", {viewing.description}" if viewing.description else ""
     show_rows(f"under {white}{under}", [row for rows in rows_of.values() for row in rows], json)
     warn_undefined(rows_of)
+
+
+def _cells(row: Row, as_json: bool) -> Row:
+    return {name: value for name, value in row.items() if as_json or name not in _COMPONENTS}
 
 
 def _require_kind(name: str, ours: Iterable[str], other_names: Iterable[str], theirs: str) -> None:
@@ -247,7 +253,8 @@ def _correlates(
     from volspec.appearance import composition
 
     look: Appearance = model.forward(colours, conditions, **settings)
-    correlates = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N", "J_HK")}
+    names = *"JChHQMs", "Q_WB", "L_N", "J_HK", *_COMPONENTS
+    correlates = {name: getattr(look, name) for name in names}
     columns = {name: np.asarray(v).tolist() for name, v in correlates.items() if v is not None}
     rows: list[Row] = [
         {name: column[i] for name, column in columns.items()} for i in range(len(colours))

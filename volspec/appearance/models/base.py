@@ -47,6 +47,10 @@ class Appearance:
     """Brightness."""
     M: Array | None = None
     """Colourfulness."""
+    M_RG: Array | None = None
+    """Redness, below 0 greenness: a component of the chromatic response [1] (eq. 43, 122)."""
+    M_YB: Array | None = None
+    """Yellowness, below 0 blueness (eq. 42, 123)."""
     s: Array | None = None
     """Saturation."""
     Q_WB: Array | None = None

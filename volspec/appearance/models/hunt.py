@@ -311,7 +311,8 @@ def forward(
     s = 50.0 * M / np.maximum(adapted.sum(axis=-1), _MIN_SUM)
     Q = _brightness(A + M / 100.0, A_w, eye)
     C = 2.44 * s**0.69 * np.abs(Q / Q_w) ** eye.n * (1.64 - 0.29**eye.n)
-    cones = XYZ @ k.HPE_FROM_XYZ.T
+    cones, angle = XYZ @ k.HPE_FROM_XYZ.T, np.radians(h)
+    red, yellow = np.cos(angle), eye.F_t * np.sin(angle)
     return Appearance(
         J=100.0 * signed_power(Q / Q_w, eye.z),
         C=C,
@@ -319,6 +320,8 @@ def forward(
         H=quadrature(h, HUNT_HUES),
         Q=Q,
         M=C * eye.F_L**0.15,
+        M_RG=M * red / np.hypot(red, yellow),
+        M_YB=M * yellow / np.hypot(red, yellow),
         s=s,
         Q_WB=20.0 * (signed_power(Q, 0.7) - signed_power(_background(A_w, eye, settings), 0.7)),
         defined=np.all(cones >= -ROUNDING * eye.Y_w, axis=-1)

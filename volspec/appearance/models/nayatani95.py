@@ -120,13 +120,16 @@ def forward(
     J, brightness = achromatic + _MIDDLE, achromatic + eye.raised
     s = _CHROMATIC / eye.beta_or * _strength(h) * np.hypot(t, p)
     C = np.abs(J / _MIDDLE) ** 0.7 * s
+    M, angle = C * eye.B_rw / 100.0, np.radians(h)
     return Appearance(
         J=J,
         C=C,
         h=h,
         H=quadrature(h, NAYATANI_HUES),
         Q=brightness,
-        M=C * eye.B_rw / 100.0,
+        M=M,
+        M_RG=M * np.cos(angle),
+        M_YB=M * np.sin(angle),
         s=s,
         Q_WB=achromatic,
         L_N=100.0 * brightness / eye.B_rw,
