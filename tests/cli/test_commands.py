@@ -242,6 +242,16 @@ def test_a_value_of_any_length_is_refused_in_one_short_line(words, capsys):
     assert ended.value.code in (1, 2) and len(line) < 1100 and line.startswith("volspec: ")
 
 
+def test_a_room_s_json_has_the_eye_s_conditions(tmp_path, monkeypatch, capsys):
+    write_files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    rows = figures(capsys, "room", "room.toml", "--patches", "12")
+    for row in rows:
+        assert row["C"] == pytest.approx(np.hypot(row["a_C"], row["b_C"]))
+        assert row["L_Aw"] == pytest.approx(row["L_A"] / row["surround"]) or row["surround"] == 1
+        assert row["Y_b"] > 0 and row["white_XYZ"][1] == pytest.approx(100) and 0 <= row["H"] < 400
+
+
 def test_a_ranking_prints_figures_and_paints_the_picture(tmp_path, monkeypatch, capsys):
     write_files(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -60,6 +60,8 @@ def test_a_surface_of_the_room_may_be_the_white():
     found = look(furnace(), default_eye(furnace().room), white="floor")
     assert found.white_XYZ[1] == pytest.approx(50.0) and found.viewing.surround == 1.0
     assert found.L_Aw == pytest.approx(100.0 / np.pi, rel=1e-3)
+    seen = [surface_appearance(furnace(), "back", white).seen.J for white in (None, "floor")]
+    assert seen[1] == pytest.approx(100.0, abs=0.1) and seen[0] < 90
 
 
 def test_interreflections_colour_a_wall_more_than_its_paint():

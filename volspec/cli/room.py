@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -176,7 +177,7 @@ def room(
         _show_ranking(f"{name}: {paints.surface}", ranking, json)
     else:
         rows = [
-            _row(surface_appearance(solved, surface))
+            _row(surface_appearance(solved, surface, white), json)
             for surface in loaded.mesh.names
             if loaded.reflectance(surface).any()
         ]
@@ -288,11 +289,28 @@ def _J_C_h(appearance: Appearance, prefix: str = "") -> dict[str, float]:
     return {f"{prefix}{key}": float(getattr(appearance, key)) for key in "JCh"}
 
 
-def _row(surface: SurfaceAppearance) -> Row:
-    return {
+def _row(surface: SurfaceAppearance, as_json: bool) -> Row:
+    """Return a surface's figures; for JSON also a_C, b_C, H, x, y and the eye's conditions."""
+    from volspec.appearance import composition
+
+    row: Row = {
         "surface": surface.name,
         "lux": surface.lux,
         **_J_C_h(surface.chosen, "chosen "),
         **_J_C_h(surface.seen),
+        "composition": str(composition(surface.seen.H)) if surface.seen.H is not None else "",
         "difference": surface.difference,
     }
+    if as_json:
+        for prefix, seen, xy in (
+            ("chosen ", surface.chosen, surface.chosen_xy),
+            ("", surface.seen, surface.seen_xy),
+        ):
+            angle, C = math.radians(float(seen.h)), float(seen.C)
+            row |= {f"{prefix}a_C": C * math.cos(angle), f"{prefix}b_C": C * math.sin(angle)}
+            row |= {f"{prefix}x": xy[0], f"{prefix}y": xy[1]}
+            row[f"{prefix}H"] = None if seen.H is None else float(seen.H)
+        eye = surface.conditions
+        row |= {name: getattr(eye.viewing, name) for name in ("L_A", "Y_b", "surround")}
+        row |= {"white_XYZ": eye.white_XYZ.tolist(), "L_Aw": eye.L_Aw}
+    return row

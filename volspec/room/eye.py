@@ -175,6 +175,8 @@ class SurfaceAppearance:
     seen: Appearance
     chosen_xy: tuple[float, float]
     seen_xy: tuple[float, float]
+    conditions: EyeConditions
+    """Of the eye that looks at it."""
 
     @property
     def difference(self) -> float:
@@ -182,8 +184,10 @@ class SurfaceAppearance:
         return float(appearance_distance(self.seen, self.chosen))
 
 
-def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
+def surface_appearance(solved: RoomLight, name: str, white: str | None = None) -> SurfaceAppearance:
     """Return how a surface appears in the room, and how its colour was chosen from an atlas.
+
+    ``white`` is a surface that the eye takes for white; by default a perfect diffuser.
 
     The eye is in front of the surface's lit middle, 2 m away or half way to the next surface.
     """
@@ -198,7 +202,8 @@ def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
     room_m = _AWAY_M if hit < 0 else abs(float((mesh.centres_m[hit] - centre) @ mesh.normals[hit]))
     distance = min(_AWAY_M, room_m / 2.0)
     place = tuple((centre + distance * normal).tolist())
-    conditions = look(solved, Eye(position_m=place, target_m=tuple(centre.tolist())))
+    eye = Eye(position_m=place, target_m=tuple(centre.tolist()))
+    conditions = look(solved, eye, white=white)
     grid, reflectance = room.grid, room.reflectance(name)
     daylight = light("D65", grid)
     atlas_XYZ = XYZ_from_spectra(daylight, reflectance)
@@ -211,6 +216,7 @@ def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
         conditions.appearance(room_XYZ),
         _xy(atlas_XYZ),
         _xy(room_XYZ),
+        conditions,
     )
 
 
