@@ -23,8 +23,8 @@ from scipy.optimize import lsq_linear
 from benchmarks.measure import Figure, compare, report
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum, design
 from volspec.palette.optimisation import Phase
-from volspec.palette.quadratic_program import Block, Term
-from volspec.palette.state import State
+from volspec.palette.quadratic_program import EquationBlock, Term
+from volspec.palette.state import DesignState
 from volspec.spectra import SpectralGrid, Spectrum
 
 Array = NDArray[np.float64]
@@ -169,7 +169,7 @@ def joint() -> Palette:
 
 def by_scipy(palette: Palette) -> Callable[[], object]:
     """Return `lsq_linear` on the same rows, stacked beforehand, so that only solving is timed."""
-    state = State.start(palette)
+    state = DesignState.start(palette)
     phases = [Phase(state, lights) for lights in (False, True)]
     problems = [dense(*phase.problem()) for phase in phases if phase.free]
     tied = [matrix for problem in problems for matrix in problem]
@@ -177,7 +177,7 @@ def by_scipy(palette: Palette) -> Callable[[], object]:
 
 
 def dense(
-    blocks: dict[str, Block], terms: list[Term]
+    blocks: dict[str, EquationBlock], terms: list[Term]
 ) -> Iterator[tuple[Array, Array, tuple[Array, Array]]]:
     """Return M, y and bounds of each block, or of all if a colour couples them."""
     groups = [list(blocks)] if any(len(t.parts) > 1 for t in terms) else [[n] for n in blocks]

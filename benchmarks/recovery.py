@@ -27,7 +27,7 @@ from volspec.spectra import (
 )
 from volspec.spectra.construct.base import ROUTES, BaseSpectra, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_sRGB
-from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
+from volspec.spectra.construct.search import Tetrahedra, clip_to_hull, select_distinct
 from volspec.spectra.construct.upsampling import METHODS
 
 Array = NDArray[np.float64]
@@ -147,7 +147,7 @@ def print_seam() -> None:
     colours = XYZ_from_sRGB(cube, white)
     beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
     points = XYZ_from_spectra(E, base_spectra().values) / white
-    mesh = Mesh.of(points[select_distinct(points)])
+    mesh = Tetrahedra.of(points[select_distinct(points)])
     on_edge = clip_to_hull(mesh, beyond / white) * white
     just = on_edge + 1e-4 * (beyond - on_edge)
     inner = reflectances_from_colours(on_edge).values

@@ -57,7 +57,7 @@ from volspec.viewer.model.scene_file import export_python, export_scene, left_ou
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.films import FRAMES, FilmFile, PageFile, save_film, save_page
 from volspec.viewer.work.outputs import Destination, Progress
-from volspec.viewer.work.screenshot import Shot, copy_shown, save_picture
+from volspec.viewer.work.screenshot import Still, copy_shown, save_picture
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.volume import Volume
 from volspec.volume.out_of_memory import level_of
@@ -416,7 +416,7 @@ def _read(path: Path) -> Codes:
 
 
 def _picture(state: ViewState, folder: Path) -> Codes:
-    shot = Shot(to=Destination(str(folder), "S"), marks=())
+    shot = Still(to=Destination(str(folder), "S"), marks=())
     return _read(save_picture(state, shot, Progress("picture")))
 
 

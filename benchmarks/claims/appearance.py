@@ -30,7 +30,7 @@ from volspec.appearance.adaptation_grid import AdaptationGrid, pixels_from_nodes
 from volspec.appearance.display.deficiency import simulation
 from volspec.appearance.display.monitors import preset
 from volspec.appearance.display.spaces import SPACES, ColourSpace, Transfer
-from volspec.appearance.gamut_mapping import DisplayGamut, Screen, reduce_chroma
+from volspec.appearance.gamut_mapping import DisplayGamut, DisplayOutput, reduce_chroma
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.measured import measured_conditions
 from volspec.appearance.models import APPEARANCE_MODELS, cam, model
@@ -321,7 +321,7 @@ def jump_of_a_blue() -> Figures:
     def shown(w: float) -> Array:
         E = Spectrum(nm, A.values * w + D65.values * (1.0 - w))
         XYZ = view_transform(viewing, white_XYZ(E)).apply(XYZ_from_spectra(E, blue))
-        return Screen.of(viewing.display).linear(XYZ[None])[0]
+        return DisplayOutput.of(viewing.display).linear(XYZ[None])[0]
 
     low, high = 0.0, 1.0
     for _ in range(2):  # finer around the largest step

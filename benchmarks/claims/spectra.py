@@ -48,7 +48,7 @@ from volspec.spectra import (
 )
 from volspec.spectra.construct.base import ROUTES, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_sRGB
-from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
+from volspec.spectra.construct.search import Tetrahedra, clip_to_hull, select_distinct
 from volspec.spectra.datasets import colour_matching_functions, colour_science
 
 # Bases.
@@ -214,7 +214,7 @@ def step_across_the_hull() -> Figures:
     given = XYZ_from_sRGB(np.random.default_rng(1).uniform(0, 1, (500, 3)), white)
     beyond = given[reflectances_from_colours(given).route == ROUTES.index("extended")]
     points = XYZ_from_spectra(E, base_spectra().values) / white
-    mesh = Mesh.of(points[select_distinct(points)])
+    mesh = Tetrahedra.of(points[select_distinct(points)])
     edge = clip_to_hull(mesh, beyond / white) * white
     inside = reflectances_from_colours(edge).values
     just = edge + 1e-4 * (beyond - edge)

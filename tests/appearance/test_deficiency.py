@@ -8,7 +8,7 @@ import pytest
 from volspec.appearance import Display, Viewing
 from volspec.appearance.display.deficiency import DEFICIENCIES, severity_steps, simulation
 from volspec.appearance.display.spaces import SPACES
-from volspec.appearance.gamut_mapping import Screen, screen_for_viewing
+from volspec.appearance.gamut_mapping import DisplayOutput, screen_for_viewing
 from volspec.appearance.lut3d import LutKey
 from volspec.appearance.models.lab import cielab, delta_E_2000
 
@@ -109,7 +109,7 @@ def test_a_colour_is_simulated_alike_on_every_display_of_one_white():
 
 def test_the_screen_is_untouched_without_a_deficiency_or_severity():
     XYZ = 100.0 * colours(64).reshape(8, 8, 3) @ sRGB.XYZ_from_RGB.T / 100.0
-    plain = Screen.of(Display()).codes(XYZ)
+    plain = DisplayOutput.of(Display()).codes(XYZ)
     for name in DEFICIENCIES:
         zero = screen_for_viewing(Viewing(deficiency=name, severity=0.0))
         assert zero.simulation is None and np.array_equal(zero.codes(XYZ), plain)

@@ -17,8 +17,8 @@ from volspec.basis import report as pairs
 from volspec.basis.fit import residuals as fitted
 from volspec.basis.fit.residuals import (
     CIE94_metric,
+    FitState,
     Problem,
-    State,
     evaluate,
     normal_equations,
     pose_problem,
@@ -299,23 +299,23 @@ def posed(training: Training, kind: str) -> Problem:
     return pose_problem(training, knots, 0.3 * np.diff(np.eye(at.size), 2, axis=0))
 
 
-def started(problem: Problem, m: int = 3) -> State:
+def started(problem: Problem, m: int = 3) -> FitState:
     """Lobes with some noise; D such that whites are about right, far from their floor."""
     at, rng = np.linspace(0, 1, len(problem.area)), np.random.default_rng(5)
     heights = np.exp(-(((at - np.linspace(0.2, 0.8, m)[:, None]) / 0.3) ** 2))
     heights += 0.1 * rng.standard_normal(heights.shape)
     heights /= (heights @ problem.area)[:, None]
     D = np.linalg.lstsq(problem.E @ heights.T, problem.white, rcond=None)[0].T
-    return State(heights, D + 0.2 * rng.standard_normal(D.shape), positive=False)
+    return FitState(heights, D + 0.2 * rng.standard_normal(D.shape), positive=False)
 
 
-def residuals(problem: Problem, x: np.ndarray, like: State) -> np.ndarray:
+def residuals(problem: Problem, x: np.ndarray, like: FitState) -> np.ndarray:
     """Everything that is squared and summed, of unknowns as a fit steps in them."""
     cut = like.heights.size
     heights = x[:cut].reshape(like.heights.shape)
     heights = heights / (heights @ problem.area)[:, None]
     D = x[cut:].reshape(like.D.shape)
-    value = evaluate(problem, State(heights, D, like.positive))
+    value = evaluate(problem, FitState(heights, D, like.positive))
     large = D * (fitted._DISPLAY_WEIGHT / 100)
     parts = (value.residual, value.rough, value.white_off, large)
     return np.concatenate([part.ravel() for part in parts])

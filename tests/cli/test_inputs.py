@@ -10,7 +10,7 @@ import pytest
 from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
-from volspec.cli.inputs import Job, jobs, open_scene
+from volspec.cli.inputs import InputJob, jobs, open_scene
 from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
 from volspec.image import CoefficientImage
@@ -95,7 +95,7 @@ def test_a_batch_has_an_output_for_each_input(scans, inputs, capsys):
 def test_a_question_mark_begins_options_of_what_there_is(scans):
     out = Path("out")
     for address in ("scans/a.npy?size=3", "engine?level", "https://host/[v].zarr?time=2"):
-        assert jobs([address], out) == [Job(address, out)]
+        assert jobs([address], out) == [InputJob(address, out)]
     for address in ("scans/z?.npy", "scans/*.nrrd?spacing=1,1,2"):
         with raises(InputError, "not-found"):
             jobs([address], out)

@@ -140,7 +140,7 @@ def test_mixes_keep_groups_and_lux():
         "key": LightRig((light("A"),), illuminance_lux=(900,), groups=("key",)),
         "fill": LightRig((light("D65"),), illuminance_lux=(100,), groups=("fill",)),
     }
-    lit = napari.Relit(grouped, rigs)
+    lit = napari.RelitLayer(grouped, rigs)
     both = LightRig((light("A"), light("D65")), (1, 0.5), (900, 100), ("key", "fill"))
     assert np.array_equal(lit.frame({"key": 1, "fill": 0.5}), relight(grouped, both))
     # Which a basis of materials could not be, as napari asks for where a layer is doubled.

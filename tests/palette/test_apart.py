@@ -22,7 +22,7 @@ from volspec.palette import (
     save_palette,
 )
 from volspec.palette.optimisation import Phase, apart_cost, true_cost
-from volspec.palette.state import State
+from volspec.palette.state import DesignState
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "data" / "palettes" / "colour-vision.toml"
 # A red, and the green that a deuteranope takes for it.
@@ -43,7 +43,7 @@ def palette(*apart: Apart, light: str = "L", **more: object) -> Palette:
     return Palette(rows, lights, cells, viewing, criteria=criteria, apart=apart, **more)
 
 
-def simulated(made: State, deficiency: str, column: int) -> np.ndarray:
+def simulated(made: DesignState, deficiency: str, column: int) -> np.ndarray:
     """CIELAB of both rows as the picture would show them."""
     model = made.colour_models()[column]
     linear = np.clip(made.RGB()[:, column], 0.0, 1.0)
@@ -96,7 +96,7 @@ def test_the_cost_is_the_shortfall():
     rows = given("a", 0.30), given("b", 0.34)
     apart = Apart(deficiency=("none", "protan"), distance=40.0, weight=2.0)
     cells = {("a", "L"): Cell("free", group="any")}
-    state = State.start(Palette(rows, (free_light(),), cells, apart=(apart,)))
+    state = DesignState.start(Palette(rows, (free_light(),), cells, apart=(apart,)))
     short = [
         40.0 - np.linalg.norm(np.subtract(*simulated(state, name, 0)))
         for name in ("none", "protan")

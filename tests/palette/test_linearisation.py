@@ -26,7 +26,7 @@ from volspec.basis import SpectralBasis
 from volspec.palette import Cell, Criteria, Palette, design
 from volspec.palette.optimisation import Phase
 from volspec.palette.quadratic_program import Term
-from volspec.palette.state import ColourModel, State
+from volspec.palette.state import ColourModel, DesignState
 from volspec.spectra import SpectralGrid, Spectrum, light
 
 RGB_FROM_XYZ = Viewing("none").display.colours.RGB_from_XYZ
@@ -36,7 +36,7 @@ MODELS = ("none", "CAT02", "CIECAM02", "CAM16", "RLAB", "CIELAB")
 
 
 def phase_terms(palette: Palette, lights: bool = False) -> list[Term]:
-    return Phase(State.start(palette), lights).problem()[1]
+    return Phase(DesignState.start(palette), lights).problem()[1]
 
 
 def only_term(terms: list[Term], label: str) -> Term:
@@ -163,7 +163,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale):
     cells = {("s", "FL11"): Cell(colour=COLOUR, weight=2.0)}
     opened = replace(palette, reflectances=(surface("s"),), lights=(lamp("FL11"),), cells=cells)
     # A designed light may have another level than 100: the error has it, too.
-    state = State.start(opened).with_spectra(True, {0: scale * power("FL11")})
+    state = DesignState.start(opened).with_spectra(True, {0: scale * power("FL11")})
     term = only_term(Phase(state, False).problem()[1], "the subspace error")
     assert term.weight == 6.0
     S = np.random.default_rng(0).random(NM.size)
@@ -175,7 +175,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale):
 @pytest.mark.parametrize("scale", [1.0, 0.3])
 def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale):
     palette = subspace_palette("absolute")
-    state = State.start(palette).with_spectra(True, {0: scale * power("FL11")})
+    state = DesignState.start(palette).with_spectra(True, {0: scale * power("FL11")})
     phase = Phase(state, True)
     part = only_term(phase.problem()[1], "the subspace error").parts["light 'l'"] / phase.unit
     S, E = state.S[0], state.E[0]
@@ -191,7 +191,9 @@ def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale):
 
 
 def test_flat_white_has_no_subspace_error_under_any_light():
-    state = State.start(subspace_palette("absolute")).with_spectra(False, {0: np.ones(NM.size)})
+    state = DesignState.start(subspace_palette("absolute")).with_spectra(
+        False, {0: np.ones(NM.size)}
+    )
     part = only_term(Phase(state, True).problem()[1], "the subspace error").parts["light 'l'"]
     assert np.abs(part @ np.random.default_rng(3).random(NM.size)).max() < 1e-6
 
@@ -226,7 +228,7 @@ def test_a_distinct_cell_asks_for_its_distance_where_the_colours_are():
     S = np.linspace(0.1, 0.9, NM.size)
     cells = {("a", "D65"): Cell("distinct", other=("b", "D65"), distance=40.0)}
     palette = Palette((surface("a"), given("b", S)), (lamp("D65"),), cells)
-    state = State.start(palette)
+    state = DesignState.start(palette)
     (model,) = state.colour_models()
     a, b = state.RGB([model])[:, 0]
     term = phase_terms(palette)[-1]

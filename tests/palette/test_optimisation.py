@@ -20,8 +20,8 @@ from tests.support.palettes import (
 from volspec.appearance import Viewing
 from volspec.palette import Cell, Criteria, Design, Palette, design
 from volspec.palette.optimisation import Phase, true_cost
-from volspec.palette.quadratic_program import Block, Term, solve
-from volspec.palette.state import State
+from volspec.palette.quadratic_program import EquationBlock, Term, solve
+from volspec.palette.state import DesignState
 from volspec.spectra import PAPERS_GRID, Spectrum, light
 
 
@@ -109,11 +109,11 @@ def test_more_iterations_are_never_worse(palette):
     assert costs == sorted(costs, reverse=True)
 
 
-def box(size: int, low: float = 0.0, high: float = 1.0) -> Block:
-    return Block(size, np.full(size, low), np.full(size, high))
+def box(size: int, low: float = 0.0, high: float = 1.0) -> EquationBlock:
+    return EquationBlock(size, np.full(size, low), np.full(size, high))
 
 
-def stacked(blocks: dict[str, Block], terms: list[Term]) -> tuple[np.ndarray, np.ndarray]:
+def stacked(blocks: dict[str, EquationBlock], terms: list[Term]) -> tuple[np.ndarray, np.ndarray]:
     """Return M and y of the soft terms, over all variables."""
     rows = [
         np.hstack([t.parts.get(n, np.zeros((len(t.target), b.size))) for n, b in blocks.items()])
@@ -148,7 +148,7 @@ def random_palette(rows: int, columns: int, *, free: bool = False, criteria: Cri
 def test_a_phase_matches_a_bounded_least_squares_solver(rows, columns, free, metric, smoothness):
     criteria = Criteria(smoothness, metric=metric, rounds=1)
     palette = random_palette(rows, columns, free=free, criteria=criteria)
-    blocks, terms = Phase(State.start(palette), False).problem()
+    blocks, terms = Phase(DesignState.start(palette), False).problem()
     assert sum(block.size for block in blocks.values()) == rows * NM.size + 3 * free
     found = solve(blocks, terms)
     M, y = stacked(blocks, terms)
@@ -164,7 +164,7 @@ def test_a_phase_matches_a_bounded_least_squares_solver(rows, columns, free, met
 
 def test_a_light_of_given_luminance_matches_sequential_quadratic_programming():
     palette = random_palette(3, 1, criteria=Criteria(1.0, metric="RGB", rounds=1))
-    blocks, terms = Phase(State.start(palette), True).problem()
+    blocks, terms = Phase(DesignState.start(palette), True).problem()
     found = solve(blocks, terms)
     M, y = stacked(blocks, terms)
     (hard,) = (t for t in terms if math.isinf(t.weight))
@@ -213,7 +213,7 @@ def test_the_optimum_does_not_depend_on_the_weights_scale(size):
 
 
 def test_bounds_that_meet_hold_a_number():
-    blocks = {"b": Block(2, np.array([0.25, 0.0]), np.array([0.25, 1.0]))}
+    blocks = {"b": EquationBlock(2, np.array([0.25, 0.0]), np.array([0.25, 1.0]))}
     found = solve(blocks, [Term({"b": np.ones((1, 2))}, np.ones(1), math.inf, "sum")])
     assert found.values["b"] == pytest.approx([0.25, 0.75], abs=1e-8)
 

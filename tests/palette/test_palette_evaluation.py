@@ -7,7 +7,7 @@ from benchmarks.palette import ASKED_MS, MODELS, by_scipy, colours, dense, drawn
 from tools.palette_figures import REFERENCE, SIZES, SQUARES, distances, tenths
 from volspec.palette.optimisation import Phase
 from volspec.palette.quadratic_program import solve
-from volspec.palette.state import State
+from volspec.palette.state import DesignState
 
 POSITIVE, FINE, FREE = MODELS
 
@@ -20,7 +20,7 @@ def mean_distance(model: object, size: int, metric: str = "RGB") -> float:
 def test_a_seed_draws_the_same_palette_and_another_seed_another():
     one, again, other = (drawn(POSITIVE, 2, 3, seed) for seed in (0, 0, 1))
     assert dict(one.cells) == dict(again.cells) != dict(other.cells)
-    assert np.array_equal(State.start(one).E, State.start(again).E)
+    assert np.array_equal(DesignState.start(one).E, DesignState.start(again).E)
 
 
 def test_wanted_colours_are_uniform_in_linear_RGB_or_in_codes():
@@ -59,10 +59,10 @@ def test_distances_are_of_all_pairs_and_kept_without_bounds():
 
 def test_the_live_palette_and_the_joint_problem_are_what_they_are_called():
     assert len(live().reflectances) == len(live().lights) == 10
-    blocks, terms = Phase(State.start(joint()), False).problem()
+    blocks, terms = Phase(DesignState.start(joint()), False).problem()
     assert sum(block.size for block in blocks.values()) == 313
     assert len(list(dense(blocks, terms))) == 1
-    blocks, terms = Phase(State.start(live()), False).problem()
+    blocks, terms = Phase(DesignState.start(live()), False).problem()
     assert [M.shape[1] for M, _, _ in dense(blocks, terms)] == [31] * 10
     assert set(ASKED_MS) == {"10 x 10", "joint"}
 
@@ -71,7 +71,7 @@ def test_both_sides_of_the_timing_solve_the_same():
     palette = drawn(POSITIVE, 3, 3, 0)
     theirs = by_scipy(palette)()
     assert isinstance(theirs, list) and len(theirs) == 6
-    ours = solve(*Phase(State.start(palette), False).problem()).cost
+    ours = solve(*Phase(DesignState.start(palette), False).problem()).cost
     assert ours == pytest.approx(2.0 * sum(each.cost for each in theirs[:3]), rel=1e-4, abs=1e-9)
 
 

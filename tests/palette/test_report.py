@@ -20,7 +20,7 @@ from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, Palet
 from volspec.palette.figure import palette_figure, save_palette_figure
 from volspec.palette.file import palette_file
 from volspec.palette.model import hexadecimal
-from volspec.palette.state import State
+from volspec.palette.state import DesignState
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid, Spectrum, XYZ_from_spectra
 
 GREY = (0.6, 0.6, 0.6)
@@ -121,7 +121,7 @@ def test_metamers_are_compared_at_1_nm_too():
     rows = surface("a"), surface("b", spectrum=Spectrum(nm, wave))
     cells = {(name, "comb"): Cell(colour=GREY) for name in "ab"}
     palette = Palette(rows, (comb, lamp("HP1")), cells, grid=PAPERS_GRID)
-    state = State.start(palette)
+    state = DesignState.start(palette)
     report = DesignReport.of(Design(palette, state, 0.0, 0.0))
     (pair,) = report.metamers
     fine = SpectralGrid(400, 700, 1)
@@ -132,7 +132,7 @@ def test_metamers_are_compared_at_1_nm_too():
     assert pair.delta_E > pair.delta_E_1nm + 5.0
     assert f"{pair.delta_E:.2f} ({pair.delta_E_1nm:.2f} at 1 nm)" in str(report)
     # A light of the library is looked up, as bands of 10 nm hide its lines.
-    sodium = State.at_1_nm(state).E[1]
+    sodium = DesignState.at_1_nm(state).E[1]
     found = vs.light("HP1", fine).values
     assert np.allclose(sodium / sodium.sum(), found / found.sum())
 

@@ -29,7 +29,7 @@ from volspec.spectra.construct.base import (
 )
 from volspec.spectra.construct.colours import XYZ_from_sRGB, colour_XYZ
 from volspec.spectra.construct.search import (
-    Mesh,
+    Tetrahedra,
     clip_to_hull,
     locate_tetrahedra,
     search_octants,
@@ -122,7 +122,7 @@ def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds():
     near_B, near_D = np.array([[0.5, -0.5, -0.4]]), np.array([[-0.5, 0.5, -0.4]])
     assert (search_octants(without_B, near_B)[0] == -1).all()
     assert (search_octants(without_B, near_D)[0] >= 0).all()
-    assert (locate_tetrahedra(Mesh.of(CUBE), near_B)[0] >= 0).all()
+    assert (locate_tetrahedra(Tetrahedra.of(CUBE), near_B)[0] >= 0).all()
 
 
 def test_what_the_search_misses_goes_to_delaunay_and_is_counted():
@@ -141,7 +141,7 @@ def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra():
     colours = XYZ_from_sRGB(np.random.default_rng(5).uniform(0, 1, (60, 3)), WHITE)
     beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
     base = XYZ_from_spectra(D65, base_spectra().values) / WHITE
-    on_edge = clip_to_hull(Mesh.of(base[select_distinct(base)]), beyond / WHITE) * WHITE
+    on_edge = clip_to_hull(Tetrahedra.of(base[select_distinct(base)]), beyond / WHITE) * WHITE
     inner = reflectances_from_colours(on_edge)
     outer = reflectances_from_colours(on_edge + 1e-3 * (beyond - on_edge))
     assert np.median(inner.route) == ROUTES.index("delaunay")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tests.support.patience import wait_until
 from volspec._gpu.opengl import headless_context
-from volspec.viewer.app import App, Options
+from volspec.viewer.app import App, ViewerOptions
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import widgets
@@ -106,7 +106,7 @@ class HeadlessViewer:
         self._patched.setattr(ProgramBuilder, "request", lambda *_: None)
         self.window, self._edits = _NoWindow(size), list[Callable[[ViewState], ViewState]]()
         self._warnings = collect_warnings()
-        options, trace = Options(str(path), size=size), Trace(None)
+        options, trace = ViewerOptions(str(path), size=size), Trace(None)
         window: Any = self.window
         self.app = App(options, trace, Tasks(Window.wake), window, self._warnings.__enter__())
         self._patched.setattr(self.app, "_next", partial(self._next, self.app._next))

@@ -32,7 +32,7 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import LightRow, light_rig
-from volspec.viewer.model.palette_table import Table, palette_from_state, with_design
+from volspec.viewer.model.palette_table import PaletteTable, palette_from_state, with_design
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
@@ -231,10 +231,10 @@ def report_of(
     return CellReport("gold", "A", kind, weight, colour, colour, XYZ, error, error, inside)
 
 
-def table_with(*errors: tuple[float, float]) -> Table:
+def table_with(*errors: tuple[float, float]) -> PaletteTable:
     """Return a table of cells with (weight, error)."""
     cells = {
         (f"{i}", "A"): report_of(Cell(colour=(1, 0, 0), weight=weight), error)
         for i, (weight, error) in enumerate(errors)
     }
-    return Table((), ("A",), {}, cells)
+    return PaletteTable((), ("A",), {}, cells)

@@ -24,7 +24,7 @@ from volspec.appearance.gamut_mapping import (
     HATCH_CODE,
     HATCH_PERIOD,
     HATCH_WIDTH,
-    Screen,
+    DisplayOutput,
     reduce_chroma,
     screen_for_viewing,
 )
@@ -172,7 +172,7 @@ def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model):
 def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut):
     display = Display(space="Display P3", gamut=gamut)
     XYZ = bright_cube("D65")[0].astype(np.float64)
-    linear, outside = Screen.of(display).linear(XYZ)
+    linear, outside = DisplayOutput.of(display).linear(XYZ)
     conditions, space = CamConditions.of_viewing(display.conditions), display.colours
     truth, mapped = reduce_chroma(XYZ, conditions, space)
     assert np.mean(outside != mapped) < 0.01

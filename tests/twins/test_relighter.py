@@ -28,7 +28,7 @@ from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
-from volspec.relight.texture_planes import PackedLayers
+from volspec.relight.texture_planes import TexturePlanes
 from volspec.spectra import Spectrum, light
 
 pytestmark = COARSE
@@ -103,7 +103,7 @@ def test_light_change_uploads_nothing(monkeypatch):
 
 def test_an_image_packed_beforehand_is_the_image(backend, monkeypatch):
     first, second = cast(seed=0), cast(seed=1)
-    one, other = PackedLayers.of(first), PackedLayers.of(second)
+    one, other = TexturePlanes.of(first), TexturePlanes.of(second)
     monkeypatch.setattr(gpu_module, "pack_layers", None)  # nobody packs any more
     with Relighter(first, backend, packed=one) as relighter:
         frames = [relighter.frame(A)]
@@ -119,7 +119,7 @@ def test_only_the_last_channels_are_packed_and_uploaded_again(backend):
     channels = first.coefficients.shape[2]
     mixed = first.coefficients.copy()
     mixed[..., -2:] = second.coefficients[..., -2:]
-    packed = PackedLayers.last(first, 2)
+    packed = TexturePlanes.last(first, 2)
     assert packed.first == (channels - 2) // 4
     packed.put(channels - 2, second.coefficients[..., -2:])
     image = replace(first, coefficients=mixed)
@@ -327,9 +327,9 @@ def test_pictures_of_another_size_are_refused_by_both_backends(backend):
     first, taller = cast(), cast(height=7)
     with Relighter(first, backend) as relighter:
         refuses(lambda: relighter.update(taller), "shape relight", ShapeError)
-        packed = PackedLayers.of(taller)
+        packed = TexturePlanes.of(taller)
         refuses(lambda: relighter.update(first, packed), "shape relight.packed", ShapeError)
-    packed = PackedLayers.of(cast(size=9))
+    packed = TexturePlanes.of(cast(size=9))
     refuses(lambda: Relighter(first, backend, packed=packed), "shape relight.packed", ShapeError)
     lit = Illumination.of(first.basis, A, RelightSpec())
     if backend == "gl":  # an engine alone has nothing to measure a viewing from

@@ -406,7 +406,9 @@ def test_edits_of_lights_need_no_further_program(state, monkeypatch):
     casts_of(job(state, 1))
     table, packet = document.caster.bake(state.transfer), document.caster.packet
     corner, device = precompile.few_voxels(document.volume), document.caster.device_index
-    programs = precompile.Programs(corner, device, packet, table, state.shading, False, Viewing())
+    programs = precompile.Precompiler(
+        corner, device, packet, table, state.shading, False, Viewing()
+    )
     assert sum(1 for _ in programs.build()) > 4
     before = set(built)
     many, point, sky = (

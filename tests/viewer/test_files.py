@@ -22,7 +22,7 @@ from volspec._checks import MAX_SIDE
 from volspec.errors import ImageError, InputError, OpenGLError, VolspecWarning, VolumeError
 from volspec.export.frames import read_frame_text
 from volspec.scene import Scene
-from volspec.viewer.app import Options, view
+from volspec.viewer.app import ViewerOptions, view
 from volspec.viewer.model.choices import (
     USES,
     Dropped,
@@ -46,7 +46,7 @@ from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.dialogs import REQUESTS, initial_path
 from volspec.viewer.work import background, outputs, screenshot
 from volspec.viewer.work.documents import open_document, open_path
-from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.probe import PixelProbe
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.viewer.work.session_store import MAX_FILES, STATE_VARIABLE, RecentFiles, state_folder
 from volspec.volume import Choice, load_volume, phantom
@@ -380,19 +380,19 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     # A folder that is missing is made.
     folder = tmp_path / "new" / "deeper"
     path = screenshot.save_picture(
-        day, screenshot.Shot(to=outputs.Destination(str(folder))), outputs.Progress("")
+        day, screenshot.Still(to=outputs.Destination(str(folder))), outputs.Progress("")
     )
     assert path.parent == folder and read_frame_text(path)["scene"] == "ball"
 
 
 def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path):
     state = opened(tmp_path)
-    assert screenshot.Shot().marks_for(state) == ("scale",)
+    assert screenshot.Still().marks_for(state) == ("scale",)
     hidden = run_command(state, "scale").state
-    assert screenshot.Shot().marks_for(hidden) == () == screenshot.Shot(marks=()).marks_for(state)
+    assert screenshot.Still().marks_for(hidden) == () == screenshot.Still(marks=()).marks_for(state)
 
 
-_READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
+_READING = PixelProbe((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
 
 
 @pytest.mark.parametrize(
@@ -400,7 +400,7 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
     [
         (InputError, "unwritable", lambda d: outputs.Destination(str(d.path)).new_path(d, ".png")),
         (InputError, "unwritable", lambda d: outputs.Destination("/proc/new").new_path(d, ".png")),
-        (OpenGLError, "unsupported", lambda _: view(Options())),
+        (OpenGLError, "unsupported", lambda _: view(ViewerOptions())),
         (screenshot.ClipboardError, "missing", lambda _: screenshot.copy_values(None)),
         (screenshot.ClipboardError, "unsupported", lambda _: screenshot.copy_values(_READING)),
     ],

@@ -47,7 +47,7 @@ from volspec.viewer.work.films import (
 )
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
-from volspec.viewer.work.screenshot import Shot, save_picture
+from volspec.viewer.work.screenshot import Still, save_picture
 from volspec.viewer.work.time_steps import TimeSteps
 from volspec.volume import Series, Volume, phantom
 
@@ -162,7 +162,7 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path):
         (save_film, FilmFile(kind=FRAMES, size=SMALL), Cancelled("", "film")),
         (save_film, FilmFile(kind=".gif", size=SMALL), Cancelled("", "film")),
         (save_page, PageFile(size=SMALL), Cancelled("", "page")),
-        (save_picture, Shot(to=Destination(str(tmp_path))), ended),
+        (save_picture, Still(to=Destination(str(tmp_path))), ended),
     ):
         with pytest.raises(CastCancelled):
             save(state, file, progress)
@@ -218,7 +218,7 @@ def test_pictures_and_films_have_the_same_marks(tmp_path):
     state, size = replace(opened(tmp_path), size=(120, 90)), PictureSize(CUSTOM, (120, 90))
     folder = filmed(state, Film(0.0, seconds=0.5, fps=2.0), FRAMES, size, marks=MARKS)
     shots = (
-        save_picture(state, shot, Progress("")) for shot in (Shot(size, marks=MARKS), Shot(size))
+        save_picture(state, shot, Progress("")) for shot in (Still(size, marks=MARKS), Still(size))
     )
     frame, shown, bare = map(codes_of, (folder / "0000.png", *shots))
     assert np.abs(frame - shown).max() <= 2

@@ -22,14 +22,14 @@ from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.lights import as_tuple
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
-from volspec.viewer.model.cuts import Handle
+from volspec.viewer.model.cuts import CutHandle
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lighting as lighting_panel
 from volspec.viewer.ui import quality as quality_panel
-from volspec.viewer.ui.form import Field
+from volspec.viewer.ui.form import FormField
 
 KINDS = pytest.mark.parametrize("kind", ["directional light", "point light"])
 WITH_CAMERA = pytest.mark.parametrize("camera", [False, True])
@@ -56,7 +56,7 @@ def projection(state: ViewState) -> Projection:
     return Projection(state.view.camera(state.document.volume), AREA)
 
 
-def handle_of(state: ViewState) -> Handle:
+def handle_of(state: ViewState) -> CutHandle:
     """Return the handle of the only lamp."""
     (handle,) = lighting_aim.list_handles(state, projection(state))
     return handle
@@ -256,7 +256,9 @@ def test_every_setting_of_a_cast_can_be_edited():
     others = {"groups", "crop_voxels", "clip_planes", "tile_ms", "layers", "opacities"}
     others |= {"add_fields", "mode", "step_mm", "preintegrated", "quality", "level"}
     panels = (*vars(quality_panel).values(), *vars(lighting_panel).values())
-    shown = {each.name for value in panels for each in as_tuple(value) if isinstance(each, Field)}
+    shown = {
+        each.name for value in panels for each in as_tuple(value) if isinstance(each, FormField)
+    }
     assert set(RaycastSpec.__dataclass_fields__) - others <= shown | {"physical_light"}
     sources = {field for kind in (Ambient, Directional, Point) for field in kind.__slots__}
     changes = "radius_mm occlusion shadows towards position_mm falloff_mm frame intensity"

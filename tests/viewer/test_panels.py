@@ -378,7 +378,7 @@ def ring_in(width: float, height: float, most: float, names: Sequence[str] = LON
     )
 )
 def test_names_at_the_dial_never_overlap(boxes):
-    labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
+    labels = [lights_dial.DialLabel(i, box, float(i)) for i, box in enumerate(boxes)]
     kept = lights_dial.non_overlapping(labels, (0.0, 0.0, 100.0, 100.0))
     for i, one in enumerate(kept):
         x, y, width, height = one.box

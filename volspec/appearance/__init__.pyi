@@ -10,7 +10,7 @@ from .adaptation_grid import (
 from .gamut_mapping import (
     DisplayGamut as DisplayGamut,
     SHADER_STEPS as SHADER_STEPS,
-    Screen as Screen,
+    DisplayOutput as DisplayOutput,
     screen_for_viewing as screen_for_viewing,
 )
 from .hue import composition as composition

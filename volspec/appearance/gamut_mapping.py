@@ -204,7 +204,7 @@ def reduce_chroma_opponent(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Screen:
+class DisplayOutput:
     """The last stage of a frame: gamut mapping, simulation, encoding and hatching."""
 
     space: ColourSpace
@@ -220,7 +220,7 @@ class Screen:
         model: str = "CIECAM02",
         deficiency: str = "none",
         severity: float = 1.0,
-    ) -> Screen:
+    ) -> DisplayOutput:
         """Make the screen of a display, with the lightness and hue of `gamut_model`.
 
         Errors as `DisplayGamut.of`, if the display reduces chroma.
@@ -275,11 +275,11 @@ def gamut_model(model: str) -> str:
 
 
 @lru_cache(maxsize=16)
-def _cached_screen(display: Display, model: str, deficiency: str, severity: float) -> Screen:
-    return Screen.of(display, model, deficiency, severity)
+def _cached_screen(display: Display, model: str, deficiency: str, severity: float) -> DisplayOutput:
+    return DisplayOutput.of(display, model, deficiency, severity)
 
 
-def screen_for_viewing(viewing: Viewing) -> Screen:
+def screen_for_viewing(viewing: Viewing) -> DisplayOutput:
     """Return the screen of a viewing's display; the latest 16 are cached. Errors as `Screen.of`."""
     model = gamut_model(viewing.model)
     return _cached_screen(viewing.display, model, viewing.deficiency, viewing.severity)

@@ -27,8 +27,8 @@ from volspec.cli.inputs import (
     LAYERED,
     CameraOption,
     CastOptions,
+    InputJob,
     Inputs,
-    Job,
     LayerOptions,
     Memory,
     Preset,
@@ -152,7 +152,7 @@ def export(
 
     incomplete: list[str] = []
 
-    def export_frames(job: Job, tell: Progress) -> str | dict[str, Any]:
+    def export_frames(job: InputJob, tell: Progress) -> str | dict[str, Any]:
         tell("load the scene", 0)
         lights = None if light == [_ALL] else light
         scene, volume = open_scene(job.address, preset, lights, camera, memory=memory)
@@ -302,7 +302,7 @@ def page(
     with in_options(texts.names):
         page_spec = PageSpec(**texts.given())
 
-    def write(job: Job, tell: Progress) -> str:
+    def write(job: InputJob, tell: Progress) -> str:
         tell("load the scene", 0)
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)

@@ -210,7 +210,7 @@ def _orbit(camera: str | Orbit, read: Callable[[], Volume]) -> Orbit:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class InputJob:
     """An input of a batch, and its output."""
 
     address: str
@@ -219,7 +219,7 @@ class Job:
 
 def jobs(
     inputs: Sequence[str], output: Path, noun: str = "", *suffixes: str, series: bool = False
-) -> list[Job]:
+) -> list[InputJob]:
     """Pair inputs with outputs: one keeps its output, of several each gets a name in that folder.
 
     Names are the inputs' without their endings, plus the first suffix; or they replace ``{name}``
@@ -237,7 +237,7 @@ def jobs(
 
 def _pairs(
     inputs: Sequence[str], output: Path, suffix: str = "", *, series: bool = False
-) -> list[Job]:
+) -> list[InputJob]:
     """Pair inputs with outputs, which are not checked."""
     if (braces := re.search(r"\{[^}]*\}", str(output))) and _NAME not in str(output):
         raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
@@ -245,7 +245,7 @@ def _pairs(
     for text in inputs:
         addresses += [text] if series and "*" in text else _expand_input(text)
     if [*inputs] == addresses and len(addresses) == 1 and _NAME not in str(output):
-        return [Job(addresses[0], output)]
+        return [InputJob(addresses[0], output)]
     if _NAME not in str(output) and output.suffix.lower() in _FILES and not output.is_dir():
         raise InputError(
             f"{output}: is one file for {count_of(len(addresses), 'input')}; give a folder, or a "
@@ -266,7 +266,7 @@ def _pairs(
         )
     pattern = str(output) if _NAME in str(output) else str(output / (_NAME + suffix))
     return [
-        Job(text, Path(pattern.replace(_NAME, name)))
+        InputJob(text, Path(pattern.replace(_NAME, name)))
         for text, name in zip(addresses, names, strict=True)
     ]
 
@@ -310,8 +310,8 @@ Figures = str | dict[str, Any]
 
 
 def run_jobs(
-    batch: Sequence[Job],
-    work: Callable[[Job, Progress], Figures],
+    batch: Sequence[InputJob],
+    work: Callable[[InputJob, Progress], Figures],
     *,
     json: bool = False,
     incomplete: Sequence[str] = (),

@@ -15,7 +15,7 @@ from volspec.cli.shell import Json, Terminal, app, bar, count_of, print_json, sa
 from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
-    from volspec.export import Checked
+    from volspec.export import CheckedExport
 
 
 @app.command
@@ -197,7 +197,7 @@ def schema() -> None:
     print(scene_schema_text(), end="")
 
 
-def _line(checked: Checked) -> str:
+def _line(checked: CheckedExport) -> str:
     volume = f"volume {' × '.join(map(str, checked.volume))}, " if checked.volume else ""
     room = ""
     if checked.room_error is not None:

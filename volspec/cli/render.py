@@ -17,8 +17,8 @@ from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, sides
 from volspec.cli.inputs import (
     LAYERED,
     CameraOption,
+    InputJob,
     Inputs,
-    Job,
     LayerOptions,
     Memory,
     Preset,
@@ -88,7 +88,7 @@ def render(
     batch = jobs(inputs, output, "casts and pictures", ".exr", ".png")
     incomplete: list[str] = []
 
-    def cast(job: Job, tell: Progress) -> str:
+    def cast(job: InputJob, tell: Progress) -> str:
         tell("load the scene", 0)
         remedy = f"it is already cast; {RELIGHT}"
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
@@ -198,11 +198,13 @@ def view(
         remedy = f"write ?memory={memory} after [volume] file, or give the volume"
         raise InputError(f"--memory {memory}: is for a volume", remedy, code="conflict")
     file = memory_address(file, memory) if file else file
-    from volspec.viewer import Options
+    from volspec.viewer import ViewerOptions
     from volspec.viewer import view as open_window
 
     screenshot_size = _sides("--screenshot", screenshot) if screenshot else None
-    open_window(Options(file, trace, _sides("--size", size), screenshot_size, device, restore))
+    open_window(
+        ViewerOptions(file, trace, _sides("--size", size), screenshot_size, device, restore)
+    )
 
 
 def _sides(option: str, text: str) -> tuple[int, int]:

@@ -18,7 +18,12 @@ from .exporter import even_size as even_size, export as export
 from .ffmpeg import ffmpeg as ffmpeg
 from .film import FILM_SUFFIXES as FILM_SUFFIXES
 from .frames import BlankFrames as BlankFrames, file_stem as file_stem, write_frame as write_frame
-from .plan import Checked as Checked, Plan as Plan, Shot as Shot, check_scene as check_scene
+from .plan import (
+    CheckedExport as CheckedExport,
+    Plan as Plan,
+    Shot as Shot,
+    check_scene as check_scene,
+)
 from .recipes import RECIPE_SUFFIXES as RECIPE_SUFFIXES, write_recipe as write_recipe
 from .spectral import write_spectral_frame as write_spectral_frame
 from .value_bars import material_colours as material_colours, value_bars as value_bars

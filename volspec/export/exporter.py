@@ -38,7 +38,7 @@ from volspec.export.frames import BlankFrames
 from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
-from volspec.export.tiles import Canvas, TileCaster, Window, part_of
+from volspec.export.tiles import Canvas, TileCaster, TileWindow, part_of
 from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster
 from volspec.relight import expected_depth_mm
@@ -414,7 +414,7 @@ class FrameMaker:
 
     @property
     def _in_one_window(self) -> bool:
-        windows = self._canvas.windows(Window(0, 0, *self.files.size))
+        windows = self._canvas.windows(TileWindow(0, 0, *self.files.size))
         return len(windows) == 1 and self._canvas.samples == 1
 
     @property

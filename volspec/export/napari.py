@@ -22,13 +22,13 @@ from volspec.spectra import light
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Relit:
+class RelitLayer:
     """Coefficient image and lights by name; ``metadata`` of a layer."""
 
     image: CoefficientImage
     lights: Mapping[str, LightRig]
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Relit:
+    def __deepcopy__(self, memo: dict[int, Any]) -> RelitLayer:
         """Return the object itself: it is immutable, and napari deep-copies metadata."""
         return self
 
@@ -49,10 +49,10 @@ def read_layers(path: str) -> list[Any]:
     """Return the picture under the first light, as napari's (data, settings, kind)."""
     if path.lower().endswith(".toml"):
         scene = Scene.load(path)
-        relit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
+        relit = RelitLayer(scene.render(), {named.name: named.rig for named in scene.lights})
     else:
         lights = {name: LightRig((light(name),)) for name in DEFAULT_LIGHTS}
-        relit = Relit(CoefficientImage.load(path), lights)
+        relit = RelitLayer(CoefficientImage.load(path), lights)
     weights = {name: float(k == 0) for k, name in enumerate(relit.lights)}
     metadata = {"volspec": relit, "weights": weights}
     settings = {"name": Path(path).stem, "rgb": True, "metadata": metadata}

@@ -311,7 +311,7 @@ def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedExport:
     """Contents of a scene, or its faults."""
 
     path: str
@@ -330,7 +330,7 @@ class Checked:
         return {"path": self.path, "ok": not self.errors, **asdict(self)}
 
 
-def check_scene(path: str | os.PathLike[str]) -> Checked:
+def check_scene(path: str | os.PathLike[str]) -> CheckedExport:
     """Look up everything that a scene names, including its volume, and plan its export.
 
     Reports all faults that can be found without a cast.
@@ -339,13 +339,13 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     try:
         data = scene_data(path)
     except SceneError as error:
-        return Checked(name, (str(error),))
+        return CheckedExport(name, (str(error),))
     try:
         file = scene_file(data, path)
     except SceneFaults as error:
         valid = _valid_part(data, error, Path(path))
         unknown = [] if valid is None else _check_names(valid, Path(path))[0]
-        return Checked(name, (*error.lines, *unknown))
+        return CheckedExport(name, (*error.lines, *unknown))
     coarse = file
     if file.room is not None:  # solved once more, below
         coarse = replace(file, room=replace(file.room, patches=_FEW_PATCHES))
@@ -363,8 +363,8 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         except SceneError as error:
             errors.append(str(error))
     if scene is None or volume is None or errors:
-        return Checked(name, tuple(errors))
-    return Checked(
+        return CheckedExport(name, tuple(errors))
+    return CheckedExport(
         name,
         materials=len(scene.materials),
         lights=len(scene.lights),

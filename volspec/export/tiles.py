@@ -52,7 +52,7 @@ class WindowCamera(ShiftedCamera):
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class TileWindow:
     """Part of a picture: corner and size in pixels."""
 
     x: int
@@ -69,16 +69,18 @@ class Canvas:
     samples: int  # n × n rays per pixel
     channels: int  # in all light groups together
 
-    def strips(self) -> list[list[Window]]:
+    def strips(self) -> list[list[TileWindow]]:
         """Return strips from top to bottom: adjacent windows, each relit at once."""
         width, height = self.size
         columns = _cuts(width, STRIP_SIDE)
         widest = max(end - start for start, end in columns)
         room = STRIP_BYTES // (4 * (self.channels + 1) * widest)
         rows = _cuts(height, max(_ALIGNED, min(STRIP_SIDE, room)))
-        return [[Window(x, y, right - x, bottom - y) for x, right in columns] for y, bottom in rows]
+        return [
+            [TileWindow(x, y, right - x, bottom - y) for x, right in columns] for y, bottom in rows
+        ]
 
-    def windows(self, part: Window) -> list[Window]:
+    def windows(self, part: TileWindow) -> list[TileWindow]:
         """Divide a strip's window into windows small enough for one cast."""
         n = self.samples
         columns = _cuts(part.width, MAX_SIDE // n)
@@ -86,7 +88,7 @@ class Canvas:
         room = CAST_BYTES // (4 * self.channels * n * n * widest)
         rows = _cuts(part.height, max(_ALIGNED, min(MAX_SIDE // n, room)))
         return [
-            Window(part.x + x, part.y + y, right - x, bottom - y)
+            TileWindow(part.x + x, part.y + y, right - x, bottom - y)
             for y, bottom in rows
             for x, right in columns
         ]
@@ -140,13 +142,18 @@ class TileCaster:
         self, transfer: Transfers, camera: Camera, canvas: Canvas, progress: Progress
     ) -> CoefficientImage:
         """Cast the picture as one image in memory, whatever its size."""
-        return self._part(transfer, camera, canvas, Window(0, 0, *canvas.size), progress)
+        return self._part(transfer, camera, canvas, TileWindow(0, 0, *canvas.size), progress)
 
     def _part(
-        self, transfer: Transfers, camera: Camera, canvas: Canvas, part: Window, progress: Progress
+        self,
+        transfer: Transfers,
+        camera: Camera,
+        canvas: Canvas,
+        part: TileWindow,
+        progress: Progress,
     ) -> CoefficientImage:
         """Cast one window of the picture, in several casts if it is large."""
-        full = Window(0, 0, *canvas.size)
+        full = TileWindow(0, 0, *canvas.size)
         windows = canvas.windows(part)
         if canvas.samples == 1 and windows == [full]:
             return self.cast(transfer, camera, canvas.size, progress)

@@ -32,7 +32,7 @@ from volspec._extras import require_extra
 from volspec.camera import Camera
 from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
 from volspec.large.level_caster import LevelCaster, PartPicture, normalise
-from volspec.large.parts import Part, Rect, view_of
+from volspec.large.parts import Rect, VolumePart, view_of
 from volspec.raycast import RaycastSpec, VolumeCaster
 from volspec.raycast.launch import Cancel, Progress, Result, Visibility, light_layers
 from volspec.transfer import Table
@@ -75,7 +75,7 @@ class PartialPicture:
 
     @classmethod
     def of(
-        cls, picture: PartPicture, parts: Sequence[Part], gaps: dict[Chunk, str]
+        cls, picture: PartPicture, parts: Sequence[VolumePart], gaps: dict[Chunk, str]
     ) -> PartialPicture:
         """Return the rectangle of a picture that its parts cover."""
         rect = _rect_of(parts)
@@ -130,7 +130,7 @@ class PartialPicture:
         )
 
 
-def _rect_of(parts: Sequence[Part]) -> Rect:
+def _rect_of(parts: Sequence[VolumePart]) -> Rect:
     corners = np.array([part.rect for part in parts])
     return *corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist()
 
@@ -141,7 +141,7 @@ def over(front: PartialPicture, back: PartialPicture) -> PartialPicture:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class VolumeSource:
     """The level that tasks read; equal for all casts of a `ClusterCaster`.
 
     It has the ranges of that level alone, and no voxels.
@@ -153,7 +153,7 @@ class Source:
     pyramid: Pyramid = field(compare=False)
 
     @classmethod
-    def of(cls, pyramid: Pyramid, number: int) -> Source:
+    def of(cls, pyramid: Pyramid, number: int) -> VolumeSource:
         """Return a level of a pyramid."""
         import volspec
 
@@ -168,10 +168,10 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class ClusterJob:
     """The arguments that all tasks of a cast share."""
 
-    source: Source
+    source: VolumeSource
     table: Table
     camera: Camera
     size: tuple[int, int]
@@ -179,7 +179,7 @@ class Job:
 
 
 @lru_cache(maxsize=1)
-def _caster(source: Source) -> LevelCaster:
+def _caster(source: VolumeSource) -> LevelCaster:
     """Return the caster of a level in this process; the last is cached, with what it read."""
     import volspec
 
@@ -199,8 +199,8 @@ def _caster(source: Source) -> LevelCaster:
 
 
 def cast_parts(
-    job: Job,
-    parts: Sequence[Part],
+    job: ClusterJob,
+    parts: Sequence[VolumePart],
     sigma: NDArray[np.float32] | None,
     before: NDArray[np.float32] | None = None,
 ) -> PartialPicture:
@@ -227,7 +227,9 @@ def cast_parts(
     return PartialPicture.of(picture, parts, dict(pyramid.gaps))
 
 
-def first_hits(job: Job, parts: Sequence[Part], before: NDArray[np.float32]) -> NDArray[np.float32]:
+def first_hits(
+    job: ClusterJob, parts: Sequence[VolumePart], before: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """Return `PartialPicture.first` of parts behind others, which leave a transmittance (H, W)."""
     return cast_parts(job, parts, None, before).first
 
@@ -237,7 +239,7 @@ def through_of(picture: PartialPicture) -> NDArray[np.float32]:
     return picture.transmittance
 
 
-def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
+def extinction_of(job: ClusterJob, parts: Sequence[VolumePart]) -> NDArray[np.float32]:
     """Return the extinction that some parts add to the light volume, in a worker."""
     caster = _caster(job.source)
     with caster.base.locked():
@@ -260,7 +262,7 @@ class ClusterCaster(LevelCaster):
     def __init__(self, base: VolumeCaster, number: int, client: Client) -> None:
         super().__init__(base, number)
         self._client = client
-        self._source = Source.of(self._pyramid, number)
+        self._source = VolumeSource.of(self._pyramid, number)
 
     @property
     def device(self) -> str:
@@ -274,7 +276,7 @@ class ClusterCaster(LevelCaster):
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
-        parts: Sequence[Part],
+        parts: Sequence[VolumePart],
         progress: Progress | None,
         cancel: Cancel | None,
         span_mm: NDArray[np.float32] | None,
@@ -297,7 +299,7 @@ class ClusterCaster(LevelCaster):
                 table, camera, size, spec, parts, progress, cancel, span_mm, clear
             )
         # A task, so that Dask makes it again if the worker that holds it is lost.
-        job = self._submit(_itself, Job(self._source, table, camera, size, spec))
+        job = self._submit(_itself, ClusterJob(self._source, table, camera, size, spec))
         tasks, sigma = self._tasks(), None
         if light_layers(spec, self.volume, camera):
             boxes = runs(self.light_parts(table), tasks)
@@ -313,15 +315,15 @@ class ClusterCaster(LevelCaster):
         frame = picture.on((0, 0, width, height))
         unit = min(self.volume.spacing_mm)
         groups = tuple(group.without_shadows() for group in spec.groups)
-        dark = Job(self._source, table, camera, size, replace(spec, groups=groups))
+        dark = ClusterJob(self._source, table, camera, size, replace(spec, groups=groups))
         self._gather_first(frame.first, dark, batches, leaves, cancel)
         return normalise(frame.coefficients, frame.alpha, frame.depth, frame.first, unit, spec.half)
 
     def _gather_first(
         self,
         first: NDArray[np.float32],
-        job: Job,
-        batches: Sequence[Sequence[Part]],
+        job: ClusterJob,
+        batches: Sequence[Sequence[VolumePart]],
         leaves: Sequence[Future],
         cancel: Cancel | None,
     ) -> None:
@@ -403,12 +405,12 @@ class ClusterCaster(LevelCaster):
             progress(1.0)
 
 
-def _itself(job: Job) -> Job:
+def _itself(job: ClusterJob) -> ClusterJob:
     """Return the job."""
     return job
 
 
-def runs(parts: Sequence[Part], count: int) -> list[tuple[Part, ...]]:
+def runs(parts: Sequence[VolumePart], count: int) -> list[tuple[VolumePart, ...]]:
     """Divide parts into runs of about as much work each."""
     if not parts:
         return []

@@ -39,8 +39,8 @@ from volspec.volume.levels import (
     Box,
     Index,
     Level,
-    Sample,
-    Sampler,
+    VoxelSample,
+    VoxelSampler,
     boxes_in,
     cast_dtype,
     halve,
@@ -131,7 +131,7 @@ def convert(
             root = zarr.open_group(str(partial), mode="a", zarr_format=3)
             arrays = _arrays(root, shapes, dtype, create=not done)
             total, written = sum(block.voxels for block in blocks), 0
-            sampler = Sampler(source.shape, dtype)
+            sampler = VoxelSampler(source.shape, dtype)
             for number, block in enumerate(blocks):
                 if number >= done:
                     _write(block, source, arrays, labels, sampler)
@@ -283,7 +283,7 @@ def _write(
     source: Level,
     arrays: list[tuple[Any, Any]],
     labels: Labels | None,
-    sampler: Sampler,
+    sampler: VoxelSampler,
 ) -> None:
     """Write a block and its ranges, from the source, whose sample is taken, or the level before."""
     values, ranges = arrays[block.level]
@@ -322,7 +322,7 @@ def _index(box: Box) -> tuple[slice, ...]:
 def _attributes(
     source: Level,
     shapes: list[Index],
-    sample: Sample | None,
+    sample: VoxelSample | None,
     name: str,
     labels: Labels | None,
     metadata: Metadata,

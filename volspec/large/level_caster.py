@@ -24,8 +24,8 @@ from volspec._gpu import Sharing
 from volspec.camera import Camera
 from volspec.errors import CastCancelled, RaycastError, VolspecWarning, VolumeError
 from volspec.large.parts import (
-    Part,
     Rect,
+    VolumePart,
     covered_pixels,
     natural_level,
     plan,
@@ -71,7 +71,7 @@ _HATCH = 5
 class LoadedPart:
     """A part's voxels, the least and greatest values of their bricks, and damaged chunks' boxes."""
 
-    part: Part
+    part: VolumePart
     values: NDArray[Any]
     low: NDArray[Any]
     high: NDArray[Any]
@@ -174,7 +174,7 @@ class LevelCaster:
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
-        parts: Sequence[Part],
+        parts: Sequence[VolumePart],
         progress: Progress | None,
         cancel: Cancel | None,
         span_mm: NDArray[np.float32] | None,
@@ -193,20 +193,20 @@ class LevelCaster:
 
     def plan(
         self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec
-    ) -> list[Part]:
+    ) -> list[VolumePart]:
         """Return the parts that a picture may show, front to back."""
         ends = isinstance(table, SurfaceTable) or spec.preintegrated
         margin = reach(spec.step_of(self.volume), self.volume, ends)
         return self._plan(table, camera, size, spec, margin)
 
-    def light_parts(self, table: Table) -> list[Part]:
+    def light_parts(self, table: Table) -> list[VolumePart]:
         """Return the parts in which something may be seen, from anywhere."""
         everything = Camera.orbit(self.volume, orthographic=True)
         return self._plan(table, everything, (8, 8), RaycastSpec(), BRICK)
 
     def _plan(
         self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec, margin: int
-    ) -> list[Part]:
+    ) -> list[VolumePart]:
         sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
         blocks, level = self.visible_blocks(table, spec), self._level
         parts = plan(self.volume, level, camera, size, spec, sides, margin, blocks)
@@ -214,7 +214,7 @@ class LevelCaster:
             parts.sort(key=self.greatest, reverse=True)  # the others may not be needed
         return parts
 
-    def greatest(self, part: Part) -> float:
+    def greatest(self, part: VolumePart) -> float:
         """Return a value that no sample of a part exceeds."""
         if self._level.ranges is None:
             return np.inf
@@ -236,8 +236,8 @@ class LevelCaster:
         self,
         table: Table,
         spec: RaycastSpec,
-        parts: Sequence[Part],
-        predicate: Callable[[Part], bool] = lambda part: True,
+        parts: Sequence[VolumePart],
+        predicate: Callable[[VolumePart], bool] = lambda part: True,
         cancel: Cancel | None = None,
     ) -> Iterator[LoadedPart | None]:
         """Yield the parts' voxels for a table and settings, None for unwanted ones.
@@ -284,7 +284,7 @@ class LevelCaster:
 
     def _loaded(
         self,
-        part: Part,
+        part: VolumePart,
         values: NDArray[Any],
         table: Table,
         blocks: NDArray[np.bool_] | None,
@@ -306,7 +306,7 @@ class LevelCaster:
         )
         return LoadedPart(part, values, low, high, gaps)
 
-    def reserve(self, parts: Sequence[Part]) -> None:
+    def reserve(self, parts: Sequence[VolumePart]) -> None:
         """Give the cache what parts in use leave of the budget; VolumeError if that is none."""
         if not parts:  # nothing is visible, and nothing read
             return
@@ -360,7 +360,7 @@ class LevelCaster:
         assert not isinstance(table, FieldTables)
         return self.boxes_of(table, self.light_parts(table))
 
-    def boxes_of(self, table: Table, parts: Sequence[Part]) -> Iterator[VoxelBox]:
+    def boxes_of(self, table: Table, parts: Sequence[VolumePart]) -> Iterator[VoxelBox]:
         """Yield the voxels of parts, for the light volume."""
         for loaded in self.stream(table, RaycastSpec(), parts):
             if loaded is not None:
@@ -507,7 +507,7 @@ class PartPicture:
             [],
         )
 
-    def sees(self, part: Part) -> bool:
+    def sees(self, part: VolumePart) -> bool:
         """Return True if what was added so far lets a part be seen."""
         x0, y0, x1, y1 = part.rect
         if self.so_far is not None:

@@ -42,7 +42,7 @@ def view_of(rect: Rect) -> tuple[slice, slice]:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class VolumePart:
     """Box of a level's cells, and the part of the picture that it may cover.
 
     Attributes
@@ -167,7 +167,7 @@ def plan(
     sides: Index,
     margin: int,
     blocks: NDArray[np.bool_] | None,
-) -> list[Part]:
+) -> list[VolumePart]:
     """Return the parts of a level that a picture may show, front to back.
 
     Parameters
@@ -205,11 +205,11 @@ def plan(
         chunks = level.chunks_in((z, y, x))
         if around is not None:
             chunks = [c for c in chunks if around[level.blocks_of(level.box_of(c))].any()]
-        parts.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect, visible))
+        parts.append(VolumePart(first, last, (z, y, x), margin, tuple(chunks), rect, visible))
     return parts
 
 
-def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def read_by(part: VolumePart, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the blocks of a part's voxels that its samples read.
 
     Parameters

@@ -29,8 +29,8 @@ from volspec.errors import MeshError, VolspecWarning
 from volspec.image import CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
-from volspec.mesh.shading import Lighting, Seen
-from volspec.mesh.surfaces import MAX_SHEETS, Surfaces, same_surfaces, trace_visibility
+from volspec.mesh.shading import Lighting, MeshHits
+from volspec.mesh.surfaces import MAX_SHEETS, MeshSurfaces, same_surfaces, trace_visibility
 from volspec.raycast import (
     POINTS,
     OpacityCaster,
@@ -123,8 +123,8 @@ class MeshCaster:
         If a texture has colours and there is no device, or it does not fit there.
     """
 
-    _opaque: Surfaces | None
-    _translucent: Surfaces | None
+    _opaque: MeshSurfaces | None
+    _translucent: MeshSurfaces | None
 
     def __init__(
         self,
@@ -143,10 +143,12 @@ class MeshCaster:
         self._take(materials, basis)
         opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
         translucent = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
-        parts: list[Surfaces | None] = [previous._opaque, previous._translucent] if previous else []
+        parts: list[MeshSurfaces | None] = (
+            [previous._opaque, previous._translucent] if previous else []
+        )
         before = [part for part in parts if part is not None]
-        self._opaque = Surfaces(self.meshes, opaque, before) if opaque else None
-        self._translucent = Surfaces(self.meshes, translucent, before) if translucent else None
+        self._opaque = MeshSurfaces(self.meshes, opaque, before) if opaque else None
+        self._translucent = MeshSurfaces(self.meshes, translucent, before) if translucent else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
         self.clear: Visibility = partial(trace_visibility, self._opaque, self._translucent)
         self._offset = 2.0 * max(
@@ -159,7 +161,7 @@ class MeshCaster:
         ]
         self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
-        self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
+        self._views: dict[tuple[Camera, Size], tuple[_Window, list[MeshHits]]] = {}
         # What the last planes left; likewise.
         self._within: dict[bytes, MeshCaster | None] = {}
         if previous is not None and same_surfaces(self.meshes, previous.meshes):
@@ -311,7 +313,7 @@ class MeshCaster:
             stack.append(SurfaceImage(picture[..., :-1], picture[..., -1], depth, part=window.part))
         return stack
 
-    def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
+    def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[MeshHits]]:
         """Return the window of the meshes, and what the middles of its pixels see.
 
         The latter is what is opaque, then sheets.
@@ -339,17 +341,17 @@ class MeshCaster:
                 text = f"{mesh.name}: is outside the view, around ({place}) mm"
                 warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
 
-    def _see_all(self, number: int, origins: Array, directions: Array) -> Seen:
+    def _see_all(self, number: int, origins: Array, directions: Array) -> MeshHits:
         """Do as `_see`, in threads."""
         origins = np.broadcast_to(origins, directions.shape)
-        return Seen.join(
+        return MeshHits.join(
             _in_strips(
                 lambda rows: self._see(number, origins[rows], directions[rows]), len(origins)
             )
         )
 
     def _send_all(
-        self, view: Seen, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
+        self, view: MeshHits, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Do as `_send`, in threads."""
         parts = _in_strips(
@@ -358,19 +360,19 @@ class MeshCaster:
         channels, sees = zip(*parts, strict=True)
         return np.concatenate(channels), np.concatenate(sees)
 
-    def _see(self, number: int, origins: Array, directions: Array) -> Seen:
+    def _see(self, number: int, origins: Array, directions: Array) -> MeshHits:
         """Return what rays see: what is opaque, or the sheet of a number from 1."""
         if number == 0:
             if self._opaque is None:
-                return Seen.nothing(directions)
+                return MeshHits.nothing(directions)
             return self._opaque.first(origins, directions)
         assert self._translucent is not None
         sheets = self._translucent.sheets(origins, directions)
-        return next(islice(sheets, number - 1, None), Seen.nothing(directions))
+        return next(islice(sheets, number - 1, None), MeshHits.nothing(directions))
 
     def _send(
         self,
-        view: Seen,
+        view: MeshHits,
         stops: NDArray[Any],
         light: Lighting,
         beam: tuple[float, float],
@@ -405,7 +407,12 @@ class MeshCaster:
         return channels, sees
 
     def _mirrored(
-        self, view: Seen, raised: Array, light: Lighting, beam: tuple[float, float], bounces: int
+        self,
+        view: MeshHits,
+        raised: Array,
+        light: Lighting,
+        beam: tuple[float, float],
+        bounces: int,
     ) -> NDArray[np.float32]:
         """Return the channels (K, L·M) of the meshes that points mirror."""
         cosine = np.einsum("kc,kc->k", view.directions, view.normals)[:, None]
@@ -479,7 +486,7 @@ def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
 
 
 def _edges(
-    view: Seen, sees: NDArray[np.bool_], reached: NDArray[np.bool_], size: Size
+    view: MeshHits, sees: NDArray[np.bool_], reached: NDArray[np.bool_], size: Size
 ) -> NDArray[np.intp]:
     """Return the pixels next to others that see another mesh, side, distance or light.
 

@@ -32,7 +32,7 @@ _RAYS, _MORE_RAYS, _REACH = 32, 128, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class MeshHits:
     """Points of meshes that K rays see; rows of rays that see nothing are 0."""
 
     along_mm: Array  # (K,); inf for nothing
@@ -43,19 +43,19 @@ class Seen:
     triangle: NDArray[np.intp]  # (K,), of the mesh
     weights: Array  # (K, 3) of the triangle's corners
 
-    def rows(self, rows: NDArray[np.intp] | slice) -> Seen:
+    def rows(self, rows: NDArray[np.intp] | slice) -> MeshHits:
         """Return some of the points."""
-        return Seen(*(getattr(self, name)[rows] for name in Seen.__slots__))
+        return MeshHits(*(getattr(self, name)[rows] for name in MeshHits.__slots__))
 
     @classmethod
-    def join(cls, parts: Sequence[Seen]) -> Seen:
+    def join(cls, parts: Sequence[MeshHits]) -> MeshHits:
         """Return the points of several, in order."""
         return cls(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__)
         )
 
     @classmethod
-    def nothing(cls, directions: Array) -> Seen:
+    def nothing(cls, directions: Array) -> MeshHits:
         """Return what rays (K, 3) see where there is no mesh."""
         count, zeros = len(directions), np.zeros((len(directions), 3))
         none = np.full(count, -1)
@@ -91,7 +91,7 @@ class Lighting:
         """Every source with its group's number."""
         return numbered_sources(self.spec)
 
-    def shade(self, view: Seen, raised: Array, grating: Grating | None) -> Shading:
+    def shade(self, view: MeshHits, raised: Array, grating: Grating | None) -> Shading:
         """Return the light that points reflect; ``raised`` (K, 3) is in front of the surface."""
         spec = self.spec
         count, groups = len(raised), len(spec.groups)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from volspec._triangles import TriangleRays
 from volspec.mesh.model import Mesh
-from volspec.mesh.shading import Seen
+from volspec.mesh.shading import MeshHits
 from volspec.raycast.launch import FAR
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ def same_surfaces(meshes: Sequence[Mesh], other: Sequence[Mesh]) -> bool:
     return len(meshes) == len(other) and all(map(Mesh.has_surface_of, meshes, other))
 
 
-class Surfaces:
+class MeshSurfaces:
     """Some of the meshes, and what rays see of them; ``numbers`` are theirs among all.
 
     Rays of one of ``previous`` are used again if those are the same surfaces.
@@ -36,7 +36,7 @@ class Surfaces:
     rays: TriangleRays
 
     def __init__(
-        self, meshes: Sequence[Mesh], numbers: Sequence[int], previous: Sequence[Surfaces] = ()
+        self, meshes: Sequence[Mesh], numbers: Sequence[int], previous: Sequence[MeshSurfaces] = ()
     ) -> None:
         self.meshes, self.numbers = meshes, numbers
         self._ends = np.cumsum([len(meshes[k].triangles) for k in numbers])
@@ -50,7 +50,7 @@ class Surfaces:
     def _selected(self) -> list[Mesh]:
         return [self.meshes[number] for number in self.numbers]
 
-    def first(self, origins: Array, directions: Array) -> Seen:
+    def first(self, origins: Array, directions: Array) -> MeshHits:
         """Return what rays see first."""
         hits = self.rays.hits(origins, directions)
         count = len(directions)
@@ -66,9 +66,11 @@ class Surfaces:
             points[rows] = origins[rows] + hits.along[rows, None] * directions[rows]
             flat = hits.across[rows]
             normals[rows] = _shading_normals(mesh, corners, weights, flat, directions[rows])
-        return Seen(hits.along, points, normals, directions, numbers, hits.triangle, hits.shares)
+        return MeshHits(
+            hits.along, points, normals, directions, numbers, hits.triangle, hits.shares
+        )
 
-    def sheets(self, origins: Array, directions: Array) -> Iterator[Seen]:
+    def sheets(self, origins: Array, directions: Array) -> Iterator[MeshHits]:
         """Yield what rays see first, then second, until nothing is left."""
         depth = np.zeros(len(directions))
         while True:
@@ -97,7 +99,7 @@ class Surfaces:
 
 
 def trace_visibility(
-    opaque: Surfaces | None, translucent: Surfaces | None, starts: Array, ends: Array
+    opaque: MeshSurfaces | None, translucent: MeshSurfaces | None, starts: Array, ends: Array
 ) -> Array:
     """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
     transmittance = np.ones(len(starts))

@@ -21,9 +21,9 @@ from .model import (
     parse_colour as parse_colour,
 )
 from .optimisation import Design as Design, design as design, fitted_exposure as fitted_exposure
-from .quadratic_program import Block as Block, Term as Term, solve as solve
+from .quadratic_program import EquationBlock as EquationBlock, Term as Term, solve as solve
 from .report import DesignReport as DesignReport
-from .state import State as State
+from .state import DesignState as DesignState
 from .storage import save_palette as save_palette
 from .text import apart_text as apart_text, render as render
 from .variables import PaletteSpectrum as PaletteSpectrum, mixture_text as mixture_text

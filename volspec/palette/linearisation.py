@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.palette.model import ApartPair, Cell, Index, Palette
-from volspec.palette.quadratic_program import Block, Term
-from volspec.palette.state import ColourModel, State
+from volspec.palette.quadratic_program import EquationBlock, Term
+from volspec.palette.state import ColourModel, DesignState
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class AffineColour:
 class Variables:
     """Free variables of a phase."""
 
-    state: State
+    state: DesignState
     lights: bool  # True if lights are designed, False if reflectances are
     names: Mapping[int, str]  # {number: block} of the free spectra
     synthesis: Mapping[int, Array]  # {number: (N, n)}: variables to the spectrum in the state
@@ -153,9 +153,9 @@ class CellEquations:
             Linearisation.at(variables, models, anchors),
         )
 
-    def problem(self) -> tuple[dict[str, Block], list[Term]]:
+    def problem(self) -> tuple[dict[str, EquationBlock], list[Term]]:
         """Return the blocks of free colours and all equations."""
-        blocks: dict[str, Block] = {}
+        blocks: dict[str, EquationBlock] = {}
         terms: list[Term] = []
         for place, cell in self.cells.items():
             more, rows = self._equations(place, cell)
@@ -164,7 +164,7 @@ class CellEquations:
         more, rows = self._apart_equations()
         return blocks | more, [*terms, *rows]
 
-    def _equations(self, place: Index, cell: Cell) -> tuple[dict[str, Block], list[Term]]:
+    def _equations(self, place: Index, cell: Cell) -> tuple[dict[str, EquationBlock], list[Term]]:
         palette, first = self._palette, self.at_current.variables.first
         label = f"cell ({palette.reflectances[place[0]].name}, {palette.lights[place[1]].name})"
         exact = math.isinf(cell.weight)
@@ -179,7 +179,7 @@ class CellEquations:
         if cell.other is None:
             name, colour = _variable_colour(f"free colour {cell.group!r}")
             space = palette.viewing.display.colours
-            block = Block(3, *space.decode(palette.free_bounds(cell.group)))
+            block = EquationBlock(3, *space.decode(palette.free_bounds(cell.group)))
             if in_RGB or first:
                 colour = self._metric(colour, place, in_RGB)
             else:
@@ -199,11 +199,13 @@ class CellEquations:
 
     def _distinct_equations(
         self, place: Index, other: Index, cell: Cell, label: str
-    ) -> tuple[dict[str, Block], list[Term]]:
+    ) -> tuple[dict[str, EquationBlock], list[Term]]:
         """Return two distant colours within the gamut, and terms that tie the cells to them."""
         name, displayed = _variable_colour(f"the colour shown by {label}")
         other_name, other_displayed = _variable_colour(f"the colour compared with {label}")
-        blocks = {variable: Block(3, np.zeros(3), np.ones(3)) for variable in (name, other_name)}
+        blocks = {
+            variable: EquationBlock(3, np.zeros(3), np.ones(3)) for variable in (name, other_name)
+        }
         shows = [
             self.at_current.colour(index).equality(colour, _GAMUT * cell.weight, label)
             for index, colour in ((place, displayed), (other, other_displayed))
@@ -218,7 +220,7 @@ class CellEquations:
         far = self._metric(displayed, place, in_RGB=False).transform(direction)
         return blocks, [*shows, far.equality(enough, cell.weight, label)]
 
-    def _apart_equations(self) -> tuple[dict[str, Block], list[Term]]:
+    def _apart_equations(self) -> tuple[dict[str, EquationBlock], list[Term]]:
         """Return equations by which viewers distinguish pairs of colours, one for each deficiency.
 
         Along the direction u in which the viewer sees the two differ now, or as they are wanted in
@@ -229,7 +231,7 @@ class CellEquations:
         where M c is the simulated colour, and c lies within the display's gamut; linearised, this
         is convex. Pairs that already differ by more cost nothing, as the excess is free.
         """
-        blocks: dict[str, Block] = {}
+        blocks: dict[str, EquationBlock] = {}
         terms: list[Term] = []
         weights: dict[Index, float] = {}
         for number, pair in enumerate(self._palette.apart_pairs()):
@@ -237,11 +239,11 @@ class CellEquations:
                 weights[place] = max(weights.get(place, 0.0), pair.row.weight)
             for deficiency in pair.row.deficiencies:
                 excess = f"excess of pair {number} for {deficiency}"
-                blocks[excess] = Block(1, np.zeros(1), np.full(1, math.inf))
+                blocks[excess] = EquationBlock(1, np.zeros(1), np.full(1, math.inf))
                 terms.append(self._apart_equation(pair, deficiency, excess))
         for place, weight in weights.items():
             name, displayed = _variable_colour(_shown_name(place))
-            blocks[name] = Block(3, np.zeros(3), np.ones(3))
+            blocks[name] = EquationBlock(3, np.zeros(3), np.ones(3))
             label = f"the gamut at {place}"
             terms.append(self.at_current.colour(place).equality(displayed, _GAMUT * weight, label))
         return blocks, terms

@@ -23,7 +23,7 @@ from volspec.appearance.display import DEFICIENCIES
 from volspec.appearance.models import cielab, delta_E_2000
 from volspec.palette.model import Cell, Place, Triple, hexadecimal
 from volspec.palette.optimisation import Design, Phase, apart_cost, compared_colours
-from volspec.palette.state import ColourModel, State
+from volspec.palette.state import ColourModel, DesignState
 from volspec.spectra import Spectrum, population
 
 Array = NDArray[np.float64]
@@ -270,7 +270,7 @@ class DesignMeasures:
 
 
 def report_cells(
-    state: State, targets: Mapping[Place, Cell], difference: Difference = "CIEDE2000"
+    state: DesignState, targets: Mapping[Place, Cell], difference: Difference = "CIEDE2000"
 ) -> tuple[tuple[CellReport, ...], Array]:
     """Return reports of every place, row by row, and (R, L, 3) coordinates of their difference."""
     palette, models = state.palette, state.colour_models()
@@ -324,7 +324,7 @@ def _all_coordinates(RGB: Array, models: Sequence[ColourModel], difference: Diff
     return np.stack(columns, axis=1)
 
 
-def apart_reports(state: State, targets: Mapping[Place, Cell]) -> Iterator[ApartReport]:
+def apart_reports(state: DesignState, targets: Mapping[Place, Cell]) -> Iterator[ApartReport]:
     """Yield a report of each pair to be distinguished, those of distinct cells included."""
     models = state.colour_models()
     RGB, (rows, columns) = state.RGB(models), state.palette.names
@@ -353,7 +353,7 @@ def _triple(values: Array) -> Triple:
 
 
 def _metamers(
-    state: State, targets: Mapping[Place, Cell], colours: Array, difference: Difference
+    state: DesignState, targets: Mapping[Place, Cell], colours: Array, difference: Difference
 ) -> Iterator[MetamerReport]:
     """Yield every pair of reflectances with the same target colour, light by light."""
     rows, columns = state.palette.names
@@ -381,7 +381,7 @@ def _metamers(
             yield MetamerReport(column, pair, float(between[j]), at_1_nm, errors, crowd)
 
 
-def _observers(state: State, light: int) -> Array:
+def _observers(state: DesignState, light: int) -> Array:
     """Return CIELAB (n, R, 3) of all reflectances under a light to a population of observers."""
     Q = population(state.palette.grid) * state.E[light]
     white = Q.sum(axis=2)[:, None]
@@ -411,7 +411,7 @@ def _last_same(targets: Mapping[Place, Cell], place: Place) -> Place:
     return place
 
 
-def _spectra(state: State) -> Iterator[SpectrumReport]:
+def _spectra(state: DesignState) -> Iterator[SpectrumReport]:
     grid = state.palette.grid
     for kind, phase in (("reflectance", Phase(state, False)), ("light", Phase(state, True))):
         for number, x in phase.values().items():
@@ -433,7 +433,7 @@ def _spectra(state: State) -> Iterator[SpectrumReport]:
             )
 
 
-def _costs(state: State, cells: tuple[CellReport, ...]) -> dict[str, float]:
+def _costs(state: DesignState, cells: tuple[CellReport, ...]) -> dict[str, float]:
     criteria, space, colours = state.palette.criteria, state.palette.viewing.display.colours, 0.0
     for cell in cells:
         if cell.wanted is None or not np.isfinite(cell.weight):

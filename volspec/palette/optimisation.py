@@ -25,8 +25,8 @@ from volspec.basis import SpectralBasis, display_matrix
 from volspec.errors import PaletteError
 from volspec.palette.linearisation import ROW_WEIGHT, CellEquations, Variables
 from volspec.palette.model import Cell, Index, Palette
-from volspec.palette.quadratic_program import Block, Term, solve
-from volspec.palette.state import ColourModel, State
+from volspec.palette.quadratic_program import EquationBlock, Term, solve
+from volspec.palette.state import ColourModel, DesignState
 from volspec.palette.variables import PaletteSpectrum
 from volspec.spectra import Spectrum
 
@@ -47,7 +47,7 @@ _SUBSPACE = "the subspace error of"
 class Phase:
     """Least-squares problem of the free reflectances, or of the free lights."""
 
-    state: State
+    state: DesignState
     lights: bool  # True to design the lights, False the reflectances
     first: bool = True  # in the first iteration; see `linearisation`
 
@@ -85,7 +85,7 @@ class Phase:
             for number in self.free
         }
 
-    def problem(self) -> tuple[dict[str, Block], list[Term]]:
+    def problem(self) -> tuple[dict[str, EquationBlock], list[Term]]:
         """Return the blocks of variables and the terms over them."""
         names = self.names
         synthesis = {number: self.synthesis(number) for number in names}
@@ -105,7 +105,7 @@ class Phase:
         terms = [term for term in terms if term.parts.keys() & connected]
         return spectra | {name: colours[name] for name in colours if name in connected}, terms
 
-    def solve(self) -> tuple[State, float, float]:
+    def solve(self) -> tuple[DesignState, float, float]:
         """Return the state with this phase's spectra designed, the cost, and the residual."""
         optimum = solve(*self.problem())
         spectra = {n: self.synthesis(n) @ optimum.values[name] for n, name in self.names.items()}
@@ -124,11 +124,11 @@ class Phase:
                 costs["subspace" if subspace else "smoothness"] += term.weight**2 * square
         return costs
 
-    def _block(self, number: int, variables: Variables) -> Block:
+    def _block(self, number: int, variables: Variables) -> EquationBlock:
         member, size = self.members[number], variables.synthesis[number].shape[1]
         low = -math.inf if member.lower is None else float(member.lower)
         high = math.inf if member.upper is None else float(member.upper)
-        return Block(size, np.full(size, low), np.full(size, high))
+        return EquationBlock(size, np.full(size, low), np.full(size, high))
 
     def _own_terms(self, variables: Variables) -> Iterator[Term]:
         """Yield the smoothness of each spectrum [1, eq. 21], and the luminance of each light."""
@@ -191,7 +191,7 @@ def _basis_XYZ_by_light(basis: SpectralBasis, E: Array, Q: Array) -> Array:
     return slopes
 
 
-def true_cost(state: State) -> float:
+def true_cost(state: DesignState) -> float:
     """Return the weighted sum of squared colour errors and roughness, not linearised.
 
     Colours are compared by `Criteria.metric`, free ones with the mean of their group.
@@ -212,7 +212,7 @@ def true_cost(state: State) -> float:
     return total + palette.criteria.smoothness**2 * _roughness(state)
 
 
-def shortfalls(state: State, RGB: Array) -> Iterator[tuple[float, float]]:
+def shortfalls(state: DesignState, RGB: Array) -> Iterator[tuple[float, float]]:
     """Yield (weight, ΔE that is lacking) of each pair to be distinguished, for each deficiency."""
     model = state.colour_models()[0]
     for pair in state.palette.apart_pairs():
@@ -227,7 +227,7 @@ def shortfalls(state: State, RGB: Array) -> Iterator[tuple[float, float]]:
             yield row.weight, max(row.distance - float(np.linalg.norm(one - other)), 0.0)
 
 
-def apart_cost(state: State, RGB: Array) -> float:
+def apart_cost(state: DesignState, RGB: Array) -> float:
     """Return the weighted squared shortfalls of pairs to be distinguished."""
     return sum((weight * 0.01 * lacking) ** 2 / 3.0 for weight, lacking in shortfalls(state, RGB))
 
@@ -258,7 +258,7 @@ def compared_colours(
     return compared
 
 
-def _roughness(state: State) -> float:
+def _roughness(state: DesignState) -> float:
     """Return the squared second differences of free spectra that `Criteria.smoothness` weights."""
     unit = 100.0 / float(state.Q[1].sum())
     rows = [row.free for row in state.palette.reflectances]
@@ -286,7 +286,7 @@ class Design:
     """
 
     palette: Palette
-    state: State
+    state: DesignState
     cost: float
     residual: float
     kept: bool = False
@@ -319,7 +319,7 @@ def design(palette: Palette, *, again: bool = False) -> Design:
     SpectrumError
         If a given spectrum is invalid, or does not cover the palette's grid.
     """
-    begun = _Iteration(State.start(palette), math.inf, math.inf)
+    begun = _Iteration(DesignState.start(palette), math.inf, math.inf)
     if not again and _is_designed(begun.state):
         return Design(palette, begun.state, true_cost(begun.state), 0.0, kept=True)
     weights = {cell.weight for cell in palette.cells.values()}
@@ -342,12 +342,12 @@ def design(palette: Palette, *, again: bool = False) -> Design:
 class _Iteration:
     """State after an iteration, with the cost and residual of its last solve."""
 
-    state: State
+    state: DesignState
     cost: float
     residual: float
 
 
-def _iterate(state: State) -> _Iteration:
+def _iterate(state: DesignState) -> _Iteration:
     """Alternate reflectances and lights; return the iteration of least true cost."""
     best, best_cost = None, math.inf
     refused: dict[bool, PaletteError] = {}
@@ -374,7 +374,7 @@ def _iterate(state: State) -> _Iteration:
     return best
 
 
-def _meets_exact_cells(state: State) -> bool:
+def _meets_exact_cells(state: DesignState) -> bool:
     """Return True if every cell of infinite weight is met to well below a visible difference."""
     RGB, palette = state.RGB(), state.palette
     exact = {
@@ -386,7 +386,7 @@ def _meets_exact_cells(state: State) -> bool:
     return all(np.abs(RGB[index] - target).max() <= _MET for index, target in compared.items())
 
 
-def _is_designed(state: State) -> bool:
+def _is_designed(state: DesignState) -> bool:
     """Return True if all free spectra were designed, are within bounds and meet every cell."""
     palette, unit = state.palette, 100.0 / float(state.Q[1].sum())
     for members, spectra in ((palette.reflectances, state.S), (palette.lights, state.E / unit)):
@@ -420,7 +420,7 @@ def _spectrum(member: PaletteSpectrum) -> Spectrum:
     return member.spectrum
 
 
-def _designed_palette(palette: Palette, state: State) -> Palette:
+def _designed_palette(palette: Palette, state: DesignState) -> Palette:
     """Return the palette with the designed values in its free spectra, which stay free.
 
     Lights are scaled as in `volspec.light`: 1 is the equal-energy light of Y = 100.

@@ -32,7 +32,7 @@ _ACCURATE = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Block:
+class EquationBlock:
     """Variables of one spectrum or one free colour; bounds (size,), infinite if unbounded."""
 
     size: int
@@ -63,7 +63,7 @@ class Optimum:
     residual: float
 
 
-def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
+def solve(blocks: Mapping[str, EquationBlock], terms: Sequence[Term]) -> Optimum:
     """Minimise the weighted terms within the bounds; raise PaletteError if none can be met."""
     values: dict[str, Array] = {}
     cost = residual = 0.0
@@ -75,7 +75,7 @@ def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
     return Optimum(values, cost, residual)
 
 
-def _connected_blocks(blocks: Mapping[str, Block], terms: Sequence[Term]) -> list[set[str]]:
+def _connected_blocks(blocks: Mapping[str, EquationBlock], terms: Sequence[Term]) -> list[set[str]]:
     groups = [{name} for name in blocks]
     for term in terms:
         if len(term.parts) > 1:
@@ -100,7 +100,7 @@ class _Quadratic:
 
     @classmethod
     def from_terms(
-        cls, blocks: Mapping[str, Block], places: Mapping[str, slice], terms: Iterable[Term]
+        cls, blocks: Mapping[str, EquationBlock], places: Mapping[str, slice], terms: Iterable[Term]
     ) -> _Quadratic:
         """Assemble the normal equations of the soft terms, and the rows of the hard ones."""
         size = sum(block.size for block in blocks.values())
@@ -200,7 +200,7 @@ class _Quadratic:
         return max(dual / float(scale), float(np.abs(self.C @ x - self.d).max(initial=0.0)))
 
 
-def _solve_connected(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
+def _solve_connected(blocks: Mapping[str, EquationBlock], terms: Sequence[Term]) -> Optimum:
     ends = list(accumulate((block.size for block in blocks.values()), initial=0))
     places = {name: slice(ends[n], ends[n + 1]) for n, name in enumerate(blocks)}
     quadratic = _Quadratic.from_terms(blocks, places, terms)

@@ -125,7 +125,7 @@ def _simulation(deficiency: str, severity: float, space: ColourSpace) -> Simulat
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class DesignState:
     """Spectra of a palette at one point of its design."""
 
     palette: Palette
@@ -133,7 +133,7 @@ class State:
     E: Array  # (L, N) lights: XYZ = Q (E ∗ S), with Y = 100 for white under a given light
 
     @classmethod
-    def start(cls, palette: Palette) -> State:
+    def start(cls, palette: Palette) -> DesignState:
         """Return the given spectra and the initial values of free ones."""
         grid = palette.grid
         S = [initial_reflectance(row, grid) for row in palette.reflectances]
@@ -166,7 +166,7 @@ class State:
         models, XYZ = models or self.colour_models(), self.XYZ
         return np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
 
-    def at_1_nm(self) -> State:
+    def at_1_nm(self) -> DesignState:
         """Return the state on bands of 1 nm; every light keeps its luminance.
 
         Spectra and lamps that are given by name are looked up, designed ones are interpolated.
@@ -186,9 +186,9 @@ class State:
         )
         E *= ((self.E @ self.Q[1]) / (E @ colour_matching_functions(fine)[1]))[:, None]
         criteria = replace(palette.criteria, subspace=0.0)  # which has a basis on the palette's
-        return State(replace(palette, grid=fine, criteria=criteria), np.stack(S), E)
+        return DesignState(replace(palette, grid=fine, criteria=criteria), np.stack(S), E)
 
-    def with_spectra(self, lights: bool, spectra: dict[int, Array]) -> State:
+    def with_spectra(self, lights: bool, spectra: dict[int, Array]) -> DesignState:
         """Return the state with some lights (columns) or reflectances (rows) replaced."""
         values = (self.E if lights else self.S).copy()
         for number, spectrum in spectra.items():

@@ -63,8 +63,8 @@ from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.launch.sampling import (
     TINY,
     Array,
+    CastRays,
     Index,
-    Rays,
     Sampler,
     Transmittance,
     classify,
@@ -119,7 +119,7 @@ def cast(
         pictures: Any = [cast(volume, one, camera, size, alone, *args) for one in table.apart()]
         return tuple(add_pictures(pictures))  # type: ignore[return-value]
 
-    def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
+    def clipped_rays(volume: Volume, spec: RaycastSpec) -> CastRays:
         return _within(make_rays(volume, camera, size, spec), span_mm)
 
     march: _March
@@ -178,7 +178,7 @@ def cast_layers(
     return cast.picture(size), rows.reshape(size[1], size[0], *rows.shape[1:])
 
 
-def _within(rays: Rays, span_mm: NDArray[np.float32] | None) -> Rays:
+def _within(rays: CastRays, span_mm: NDArray[np.float32] | None) -> CastRays:
     """Return rays that begin and end within (H, W, 2) distances, if given."""
     if span_mm is None:
         return rays
@@ -195,7 +195,7 @@ class _March:
         table: Any,
         camera: Camera,
         spec: RaycastSpec,
-        rays: Rays,
+        rays: CastRays,
         arrives: dict[int, Transmittance],
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
@@ -333,7 +333,7 @@ class _Layered(_March):
         table: TransferTable,
         camera: Camera,
         spec: RaycastSpec,
-        rays: Rays,
+        rays: CastRays,
         lights: Lights,
     ) -> None:
         super().__init__(volume, table, camera, spec, rays, lights[0])
@@ -401,7 +401,7 @@ class _Fields(_March):
     With a mask, τ_f = Σ w_r τ_r: the mean of its rows, by weight.
     """
 
-    rays_of: Mapping[str, Rays]  # of every field in its own index space
+    rays_of: Mapping[str, CastRays]  # of every field in its own index space
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -413,7 +413,7 @@ class _Fields(_March):
             name: MaskLattice.of(self.volume, name, mask) for name, mask in self.table.masks.items()
         }
 
-    def cropped(self, rays: Rays) -> Rays:
+    def cropped(self, rays: CastRays) -> CastRays:
         """Return a field's rays, cut by the frame's crop if there is one."""
         if self.spec.crop_voxels is None:
             return rays
@@ -467,7 +467,7 @@ class _Fields(_March):
         self.add_alpha(live, distance / np.maximum(weight, TINY), weight)
         self.transmittance[live] -= weight
 
-    def _later_cuts(self, rays: Rays) -> Rays:
+    def _later_cuts(self, rays: CastRays) -> CastRays:
         """Return the rays with the cuts of a field's own, where these are behind the frame's."""
         later = rays.cut_mm > self.rays.cut_mm
         normal = np.where(later[:, None], rays.cut_normal, self.rays.cut_normal)

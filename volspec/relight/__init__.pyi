@@ -12,7 +12,7 @@ from .gpu import GLEngine as GLEngine
 from .hdr import check_hdr as check_hdr, with_lux as with_lux
 from .illumination import Illumination as Illumination
 from .texture_planes import (
-    PackedLayers as PackedLayers,
+    TexturePlanes as TexturePlanes,
     clamp_finite as clamp_finite,
     layer_count as layer_count,
 )

@@ -28,11 +28,11 @@ from volspec._gpu import (
     release_abandoned,
 )
 from volspec.appearance import (
+    DisplayOutput,
     LinearTransform,
     LutCache,
     LutKey,
     LutSpace,
-    Screen,
     Viewing,
     ViewTransform,
     ViewTransformGrid,
@@ -59,7 +59,7 @@ from volspec.relight.programs import (
 )
 from volspec.relight.recompose import PackedOpacity, Recomposer
 from volspec.relight.spec import Pixels
-from volspec.relight.texture_planes import PackedLayers, SharedLayers, layer_count, pack_layers
+from volspec.relight.texture_planes import SharedLayers, TexturePlanes, layer_count, pack_layers
 
 if TYPE_CHECKING:
     import moderngl
@@ -93,7 +93,7 @@ class GLEngine:
         context: moderngl.Context | None = None,
         lut3d: bool | None = None,
         lut_cache: LutCache | None = None,
-        packed: PackedLayers | None = None,
+        packed: TexturePlanes | None = None,
     ) -> None:
         lent = context is not None
         release_abandoned(context)
@@ -196,7 +196,7 @@ class GLEngine:
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         """Upload another image of the same shape; (H, W, L·M) and (H, W)."""
-        self.take(PackedLayers(pack_layers(coefficients, alpha)))
+        self.take(TexturePlanes(pack_layers(coefficients, alpha)))
 
     def place(self, sharing: Sharing) -> SharedLayers:
         """Return a buffer into which OpenCL packs a picture; frames do not change until `take`.
@@ -218,7 +218,7 @@ class GLEngine:
                 self._shared = self._track(self._context.buffer(reserve=size, dynamic=True))
         return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
 
-    def take(self, layers: SharedLayers | PackedLayers) -> None:
+    def take(self, layers: SharedLayers | TexturePlanes) -> None:
         """Draw the picture that a finished cast packed from now on."""
         with self._current():
             if isinstance(layers, SharedLayers):
@@ -282,7 +282,9 @@ class GLEngine:
             with self._current():
                 self._recomposer.draw(scales, depth)
 
-    def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
+    def _draw(
+        self, name: str, form: Mapping[str, int], values: Uniforms, screen: DisplayOutput
+    ) -> None:
         program, triangle = self._programs.program(name, form, screen)
         for uniform, value in values.items():
             program[uniform].write(value.tobytes())
@@ -380,7 +382,7 @@ class GLEngine:
         assert self._latest is not None and isinstance(self._latest[1], Closed)
         return self._latest[1]
 
-    def _relight(self, light: Illumination, drawn: DrawnTransform, screen: Screen) -> None:
+    def _relight(self, light: Illumination, drawn: DrawnTransform, screen: DisplayOutput) -> None:
         values = light_uniforms(light, drawn) | transform_uniforms(drawn, screen)
         self._draw("relight", shader_form(drawn), values | screen_uniforms(screen), screen)
 

@@ -21,9 +21,9 @@ from volspec.appearance import (
     SHADER_STEPS,
     CurveTransform,
     DisplayGamut,
+    DisplayOutput,
     LinearTransform,
     LutSpace,
-    Screen,
     ViewTransform,
     ViewTransformGrid,
     gamut_mapping,
@@ -108,7 +108,7 @@ def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
     return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
 
 
-def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
+def transform_uniforms(transform: DrawnTransform, target: DisplayOutput) -> Uniforms:
     """Return the uniforms ``view_transform.*`` of a view transform, as far as its form has them."""
     if isinstance(transform, LinearTransform | LutTransform):
         return {}
@@ -131,13 +131,13 @@ def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
     return _flat({f"view_transform.{name}": value for name, value in values.items()})
 
 
-def screen_form(target: Screen) -> dict[str, int]:
+def screen_form(target: DisplayOutput) -> dict[str, int]:
     """Return the constants with which ``gamut.glsl`` and ``display.glsl`` are compiled."""
     reduce, simulate = target.gamut is not None, target.simulation is not None
     return {"REDUCE": int(reduce), "MARK": int(target.mark), "SIMULATE": int(simulate)}
 
 
-def screen_uniforms(target: Screen) -> Uniforms:
+def screen_uniforms(target: DisplayOutput) -> Uniforms:
     """Return a display's uniforms: ``gamut.*`` and ``deficiency.*``, as far as it needs them."""
     return _gamut_uniforms(target.gamut) | _deficiency_uniforms(target.simulation)
 
@@ -195,7 +195,7 @@ class Programs:
         self._context, self._constants, self._track = context, constants, track
         self._compiled: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
-    def program(self, name: str, form: Mapping[str, int], target: Screen) -> tuple[Any, Any]:
+    def program(self, name: str, form: Mapping[str, int], target: DisplayOutput) -> tuple[Any, Any]:
         """Return a fragment shader's program and its vertex array; compile it at first use.
 
         ``form`` is from `shader_form`. The target's matrix, curve, gamut mapping and marking are
@@ -251,7 +251,7 @@ class LookupTextures:
         """Upload a LUT that was baked on the host (`LutCache.texels`)."""
         self._lut_texture().write(texels)
 
-    def bake_lut(self, closed: Closed, target: Screen, draw: Callable[..., None]) -> None:
+    def bake_lut(self, closed: Closed, target: DisplayOutput, draw: Callable[..., None]) -> None:
         """Bake the LUT of a transform, from adapted linear RGB, on the device.
 
         ``draw`` is the engine's: (name of the fragment shader, form, uniforms, screen).

@@ -36,9 +36,9 @@ from volspec.relight.recompose import PackedOpacity, depth_uniforms
 from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.relight.texture_planes import (
-    PackedLayers,
     Shape,
     SharedLayers,
+    TexturePlanes,
     coefficient_shape,
     float32_arrays,
     require_fit,
@@ -127,7 +127,7 @@ class Relighter:
         context: Any = None,
         lut3d: bool | None = None,
         lut_cache: LutCache | None = None,
-        packed: PackedLayers | None = None,
+        packed: TexturePlanes | None = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
             raise RelightError.refused(
@@ -201,7 +201,7 @@ class Relighter:
     def update(
         self,
         image: CoefficientImage,
-        place: SharedLayers | PackedLayers | None = None,
+        place: SharedLayers | TexturePlanes | None = None,
     ) -> None:
         """Replace the image with a cast of the same size, basis size and number of light groups.
 
@@ -222,7 +222,7 @@ class Relighter:
         """
         shape = coefficient_shape(image)
         require_fit(shape, image.groups, self._image)
-        if isinstance(place, PackedLayers):
+        if isinstance(place, TexturePlanes):
             place.require(*shape)
         look = self._look.fitting(image)
         recoloured = image.with_reflectances(look.reflectances) if look.reflectances else image

@@ -116,7 +116,7 @@ def _clamp(values: Pixels32) -> Pixels32:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PackedLayers:
+class TexturePlanes:
     """An image's channels from `pack_layers`: packed on one thread, uploaded on another.
 
     Layers before the ``first`` are those that the device has.

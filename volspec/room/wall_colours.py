@@ -63,7 +63,7 @@ def barycentric(mesh: RoomMesh, triangles: Index, points: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class WallHits:
     """Points of a room that K rays see first.
 
     Attributes
@@ -83,9 +83,9 @@ class Seen:
     normals: Array
     direct: Array
 
-    def joined(self, other: Seen) -> Seen:
+    def joined(self, other: WallHits) -> WallHits:
         """Return the points of both."""
-        return Seen(
+        return WallHits(
             vstack([self.weights, other.weights], format="csr"),
             *(
                 np.concatenate([getattr(half, name) for half in (self, other)])
@@ -164,7 +164,7 @@ class LitMesh:
             irradiance.reshape(len(irradiance), -1)[:, first],
         )
 
-    def trace(self, origins_m: Array, directions: Array) -> Seen:
+    def trace(self, origins_m: Array, directions: Array) -> WallHits:
         """Return what K rays see first; backs are invisible, as if the eye were inside."""
         mesh = self.rays.mesh
         normals, corners = mesh.normals, mesh.corners_m
@@ -193,7 +193,7 @@ class LitMesh:
         direct[hits] += beam_irradiance(self.room, self.rays, points, normals[triangle]).T
         surface, (xyz, across) = np.full(len(hit), -1), np.zeros((2, len(hit), 3))
         surface[hits], xyz[hits], across[hits] = mesh.surface[triangle], points, normals[triangle]
-        return Seen(weights, surface, xyz, across, direct)
+        return WallHits(weights, surface, xyz, across, direct)
 
 
 class _Panels:

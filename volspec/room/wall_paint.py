@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from volspec.appearance import Viewing
 from volspec.appearance.models import Appearance, ciecam02, opponents
 from volspec.errors import RoomError
-from volspec.palette import Block, Term, solve
+from volspec.palette import EquationBlock, Term, solve
 from volspec.room.cube import FORM_FACTOR, WALLS
 from volspec.room.quantities import (
     Array,
@@ -318,8 +318,8 @@ def _linearised_optimum(wall: _PaintedWall, bend: Array, paint: Array, target: A
     slopes, size = wall.slopes(paint), len(paint)
     offset = target - _coordinates(wall.appearance(paint)) + slopes @ paint
     blocks = {
-        "paint": Block(size, np.full(size, _MIN), np.full(size, _MAX)),
-        "miss": Block(3, np.full(3, -np.inf), np.full(3, np.inf)),
+        "paint": EquationBlock(size, np.full(size, _MIN), np.full(size, _MAX)),
+        "miss": EquationBlock(3, np.full(3, -np.inf), np.full(3, np.inf)),
     }
     terms = [
         Term({"paint": slopes, "miss": -np.eye(3)}, offset, np.inf, "appearance"),

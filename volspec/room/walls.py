@@ -37,7 +37,7 @@ from volspec.raycast import (
 from volspec.raycast.launch import world_rays
 from volspec.room.form_factors import sobol
 from volspec.room.response import RoomResponse
-from volspec.room.wall_colours import LitMesh, Seen, room_colours
+from volspec.room.wall_colours import LitMesh, WallHits, room_colours
 from volspec.settings import Vector
 
 Array = NDArray[np.float64]
@@ -151,7 +151,7 @@ class _View:
     """Points that a camera sees: the middle of each pixel, then further points in some."""
 
     of: tuple[Camera, Size]
-    hits: Seen
+    hits: WallHits
     points_mm: Array  # of the volume's world
     mean: csr_array  # (H·W, points): of the points in each pixel
 
@@ -343,7 +343,7 @@ class Backdrop(SurfaceCaster):
         return np.flatnonzero(np.einsum("kc,kc->k", passed, passed) < reach * reach)
 
 
-def _edges(hits: Seen, size: Size) -> NDArray[np.intp]:
+def _edges(hits: WallHits, size: Size) -> NDArray[np.intp]:
     """Return the pixels next to others that see another side, or another light directly."""
     width, height = size
     cells = np.rint(hits.normals * _SAME_SIDE).astype(np.int64)

@@ -1,2 +1,2 @@
 # What other packages use of this one; lazy_loader and type checkers read it.
-from .app import Options as Options, view as view
+from .app import ViewerOptions as ViewerOptions, view as view

@@ -58,7 +58,7 @@ _TURN_S = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ViewerOptions:
     """Options of `volspec view`."""
 
     path: str | None = None  # a scene, a volume or a session; None for the bundled demo
@@ -79,7 +79,7 @@ class Options:
         return self.path is None and not self.restore
 
 
-def view(options: Options) -> None:
+def view(options: ViewerOptions) -> None:
     """Open the window; return when it is closed.
 
     Raises VolspecError if the window or the path cannot be opened.
@@ -104,7 +104,12 @@ class App:
     """The viewer in a window, until that is closed."""
 
     def __init__(
-        self, options: Options, trace: Trace, tasks: Tasks, window: Window, warned: WarningQueue
+        self,
+        options: ViewerOptions,
+        trace: Trace,
+        tasks: Tasks,
+        window: Window,
+        warned: WarningQueue,
     ) -> None:
         self._trace, self._window, self._warned = trace, window, warned
         self._ui = UiContext()

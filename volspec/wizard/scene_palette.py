@@ -13,7 +13,7 @@ import numpy as np
 
 from volspec.appearance import Viewing
 from volspec.errors import SceneError, nearest
-from volspec.palette import Cell, Palette, PaletteSpectrum, Place, State, Triple
+from volspec.palette import Cell, DesignState, Palette, PaletteSpectrum, Place, Triple
 from volspec.scene import NamedLight, Scene
 from volspec.spectra import SpectralGrid, Spectrum
 
@@ -136,7 +136,7 @@ class ScenePalette:
         rows, columns = self.rows(names[:1], originals=False), self.columns()
         # A palette needs a free row and a cell; the initial state is the scene's present one.
         black = {(names[0], columns[0].name): Cell("black")}
-        state = State.start(Palette(rows, columns, black, self.viewing, self.grid))
+        state = DesignState.start(Palette(rows, columns, black, self.viewing, self.grid))
         models = state.colour_models()
         codes = models[0].space.encode(np.clip(state.RGB(models), 0.0, 1.0))
         return {

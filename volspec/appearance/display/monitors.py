@@ -182,7 +182,7 @@ class Sources(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Preset:
+class RoomPreset:
     """Viewing conditions that a standard or a paper describes."""
 
     name: str
@@ -226,11 +226,11 @@ _PRINT_LIGHT = "lit as the print is: S_R = 1 [2]"
 
 def _preset(
     name: str, white: float, surround: SurroundOrRatio, space: str, L_A: float | None, *sources: str
-) -> Preset:
+) -> RoomPreset:
     """Make a preset; sources are for the white, the surround, L_A and Y_b, in this order."""
     luminance = 0.2 * white if L_A is None else L_A
     all_sources = (*sources, *(_FIFTH, _GREY)[len(sources) - 2 :])
-    return Preset(name, luminance, 20.0, surround, white, space, Sources(*all_sources))
+    return RoomPreset(name, luminance, 20.0, surround, white, space, Sources(*all_sources))
 
 
 # fmt: off
@@ -260,10 +260,10 @@ _PRESETS = (
     _preset("print", 500.0 / math.pi, "average", "", None, "ISO 3664 P2: 500 lx", _PRINT_LIGHT),
 )
 # fmt: on
-PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset in _PRESETS})
+PRESETS: Mapping[str, RoomPreset] = MappingProxyType({preset.name: preset for preset in _PRESETS})
 
 
-def preset(name: str) -> Preset:
+def preset(name: str) -> RoomPreset:
     """Return a preset by name; raise ViewingError if the name is unknown."""
     if isinstance(name, str) and name in PRESETS:
         return PRESETS[name]

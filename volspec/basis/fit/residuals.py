@@ -42,7 +42,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class FitState:
     """Unknowns: sensors A = heights @ knots, each with sum 1 over bands, and D."""
 
     heights: Array  # (m, P), heights @ area = 1; positive=True keeps them >= 0
@@ -81,7 +81,7 @@ def pose_problem(
     )
 
 
-def evaluate(problem: Problem, state: State) -> Value:
+def evaluate(problem: Problem, state: FitState) -> Value:
     """Return the residuals and their sum of squares."""
     e, s = problem.E @ state.heights.T, problem.S @ state.heights.T
     predicted = e @ state.D.T
@@ -99,7 +99,7 @@ def evaluate(problem: Problem, state: State) -> Value:
     return Value(e, s, white, ratio, residual, rough, white_off, colour_error, cost)
 
 
-def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Array, Array]:
+def normal_equations(problem: Problem, state: FitState, value: Value) -> tuple[Array, Array]:
     """Return J^T J, (n, n), and J^T r, (n,), for the n = m P + 3 m unknowns (heights, D)."""
     by_e, by_s, by_D = _derivatives(problem, state, value)
     m, P = state.heights.shape
@@ -134,7 +134,7 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
     return full[:-1, :-1], full[:-1, -1]
 
 
-def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, Array, Array]:
+def _derivatives(problem: Problem, state: FitState, value: Value) -> tuple[Array, Array, Array]:
     """Differentiate the residual by e and s, (J, K, 3, m), and by D, (J, K, 3, 3m).
 
     ratio_c = D_c (e * s) / (D_c e): the quotient rule.
@@ -149,7 +149,7 @@ def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, A
     return by_e, by_s, by_D
 
 
-def _white_rows(problem: Problem, state: State, value: Value) -> Array:
+def _white_rows(problem: Problem, state: FitState, value: Value) -> Array:
     """Return (J, 3, 4m + 1): derivatives of whites' errors by e and by D, and the errors."""
     J, m = value.e.shape
     scale = 1.0 / problem.white_scale
@@ -168,7 +168,7 @@ def _outer_sum(weights: Array, spectra: Array) -> Array:
     return (weights.reshape(count, -1).T @ outer).reshape(m, m, P, P).swapaxes(1, 2)
 
 
-def _fix_sums(by_heights: Array, state: State, problem: Problem) -> Array:
+def _fix_sums(by_heights: Array, state: FitState, problem: Problem) -> Array:
     """Convert derivatives (m, P, ...) to those for sensors divided by their sum, now 1."""
     radial = np.einsum("mp,mp...->m...", state.heights, by_heights)
     tail = (1,) * (by_heights.ndim - 2)

@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis.fit.residuals import Problem, State, evaluate, normal_equations, pose_problem
+from volspec.basis.fit.residuals import FitState, Problem, evaluate, normal_equations, pose_problem
 from volspec.basis.fit.training import Training
 from volspec.spectra import SpectralGrid
 
@@ -92,9 +92,9 @@ def _gaussians(at_nm: Array, size: int) -> Array:
     return np.exp(-0.5 * ((at_nm - centres[:, None]) / sigma) ** 2)
 
 
-def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> State:
+def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> FitState:
     """Return the state of least cost over all starts; sensors that are too alike rank last."""
-    candidates: list[tuple[tuple[bool, float], State]] = []
+    candidates: list[tuple[tuple[bool, float], FitState]] = []
     for heights in starts:
         state = _descend(problem, heights, positive)
         value = evaluate(problem, state)
@@ -105,7 +105,7 @@ def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> 
     return min(candidates, key=lambda pair: pair[0])[1]
 
 
-def _descend(problem: Problem, heights: Array, positive: bool) -> State:
+def _descend(problem: Problem, heights: Array, positive: bool) -> FitState:
     """Minimise from heights (m, P) and the best D for them (Levenberg-Marquardt)."""
     state = _start(problem, heights, positive)
     value = evaluate(problem, state)
@@ -129,7 +129,7 @@ def _descend(problem: Problem, heights: Array, positive: bool) -> State:
     return state
 
 
-def _scaled_display(training: Training, problem: Problem, state: State) -> Array:
+def _scaled_display(training: Training, problem: Problem, state: FitState) -> Array:
     """Return D with whites correct on average, Y = 100 for the flat light of ones."""
     predicted = evaluate(problem, state).e @ state.D.T
     scale = (problem.white * predicted).sum(0) / (predicted**2).sum(0)
@@ -149,7 +149,7 @@ def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
     return at_nm, np.array([np.interp(w, at_nm, row) for row in np.eye(count)])
 
 
-def _start(problem: Problem, heights: Array, positive: bool) -> State:
+def _start(problem: Problem, heights: Array, positive: bool) -> FitState:
     """Solve for the best D of fixed sensors by linear least squares, before white correction."""
     heights = heights / (heights @ problem.area)[:, None]
     m = len(heights)
@@ -164,10 +164,10 @@ def _start(problem: Problem, heights: Array, positive: bool) -> State:
         H[block, block] += rows.T @ rows
         gradient[block] += rows.T @ (problem.white[:, c] / problem.white_scale[:, c])
     H += 1e-10 * np.trace(H) / len(H) * np.eye(len(H))
-    return State(heights, np.linalg.solve(H, gradient).reshape(3, m), positive)
+    return FitState(heights, np.linalg.solve(H, gradient).reshape(3, m), positive)
 
 
-def _step(state: State, H: Array, gradient: Array) -> Array:
+def _step(state: FitState, H: Array, gradient: Array) -> Array:
     """Minimise the quadratic model; heights of positive sensors stay at or above 0.
 
     An active set that only grows: heights that would fall below 0 are fixed there, and the rest
@@ -187,7 +187,7 @@ def _step(state: State, H: Array, gradient: Array) -> Array:
         clamped |= below
 
 
-def _take_step(problem: Problem, state: State, step: Array) -> State:
+def _take_step(problem: Problem, state: FitState, step: Array) -> FitState:
     cut = state.heights.size
     heights = state.heights + step[:cut].reshape(state.heights.shape)
     if state.positive:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from volspec.appearance import CLOSED, SURROUND_RATIOS, Display, Screen, Viewing, forward_for
+from volspec.appearance import CLOSED, SURROUND_RATIOS, Display, DisplayOutput, Viewing, forward_for
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quote
 from volspec.export.page import payload
@@ -183,7 +183,9 @@ def checked_viewing(viewing: object) -> Viewing:
             field="notebook.viewing.display.space",
             given=viewing.display.space,
         )
-    Screen.of(viewing.display, viewing.model)  # refuses a display without a gamut to reduce to
+    DisplayOutput.of(
+        viewing.display, viewing.model
+    )  # refuses a display without a gamut to reduce to
     return viewing
 
 

@@ -22,7 +22,7 @@ from volspec.appearance import (
     SURROUND_RATIOS,
     SURROUNDS,
     Display,
-    Screen,
+    DisplayOutput,
     Viewing,
     linear,
     nonlinear,
@@ -329,7 +329,7 @@ def models() -> dict[str, list[str]]:
 def _gamut(display: Display, model: str) -> dict[str, Any] | None:
     """Return the uniforms of shaders/include/gamut.glsl; None if no grey can be shown."""
     try:
-        screen = Screen.of(_srgb(display, gamut="reduce"), model)
+        screen = DisplayOutput.of(_srgb(display, gamut="reduce"), model)
     except ViewingError:
         return None
     return {name: values.tolist() for name, values in screen_uniforms(screen).items()}

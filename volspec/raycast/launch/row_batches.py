@@ -51,7 +51,7 @@ class Result(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Band:
+class RowBand:
     """A range of rows of work-groups in progress, and the lines of the picture that they cover."""
 
     first: int
@@ -97,7 +97,7 @@ class RowBatches:
         cancel: Cancel | None,
     ) -> None:
         """Launch and fetch every band; see `volspec.raycast.gpu.Raycaster.cast`."""
-        in_progress: deque[Band] = deque()
+        in_progress: deque[RowBand] = deque()
         row, rows = 0, self._first_rows
         began = time.perf_counter()
         try:
@@ -126,13 +126,13 @@ class RowBatches:
                 stacklevel=4,
             )
 
-    def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
+    def _next_rows(self, rows: int, band: RowBand, took_ms: float) -> int:
         """Return the rows that the costliest recent batch allows, at most twice ``rows``."""
         self._costs.append(took_ms / (band.last - band.first))
         target_rows = self._tile_ms / max(*self._costs, 1e-3)
         return int(np.clip(target_rows, 1, 2 * rows))
 
-    def _launch(self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int) -> Band:
+    def _launch(self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int) -> RowBand:
         height = self._group[1] * self._tile[1]
         lines = slice(first * height, min(last * height, len(self._result.alpha)))
         outputs = []
@@ -151,9 +151,9 @@ class RowBatches:
         if self._pack is not None:
             done = self._pack(outputs[0][0], outputs[1][0], lines)
         self._compute.queue.flush()
-        return Band(first, last, lines, done, outputs)
+        return RowBand(first, last, lines, done, outputs)
 
-    def _fetch(self, band: Band) -> None:
+    def _fetch(self, band: RowBand) -> None:
         for (buffer, into), array in zip(band.outputs, self._arrays, strict=True):
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:

@@ -35,7 +35,7 @@ TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rays:
+class CastRays:
     """R rays of a picture, row by row: world and index space, clipped to the visible part.
 
     ``start`` (R, 3) index at the camera, ``index_direction`` (R, 3) index per mm, ``direction``
@@ -64,7 +64,7 @@ class Rays:
         return (distance - self.cut_mm[rays]) * slope
 
 
-def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
+def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> CastRays:
     """Return the rays of a picture."""
     width, height = size
     origin, direction = world_rays(camera, width, height)
@@ -91,7 +91,7 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     near, far = np.where(gone, 0.0, near), np.where(gone, 0.0, far)
     y, x = (grid.ravel() for grid in np.mgrid[0:height, 0:width])
     shift = spec.jitter * spec.step_of(volume) * _hash(x, y, spec.seed)
-    return Rays(start, index_direction, direction, near, far, shift, cut_mm, normal)
+    return CastRays(start, index_direction, direction, near, far, shift, cut_mm, normal)
 
 
 def world_rays(

@@ -56,7 +56,7 @@ def select_distinct(points: Array) -> Indices:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Tetrahedra:
     """Tetrahedra between base colours."""
 
     points: Array  # (K, 3) the colours
@@ -65,7 +65,7 @@ class Mesh:
     planes: Array  # (F, 4) of the hull: n . P + d, above 0 outside
 
     @classmethod
-    def of(cls, points: Array) -> Mesh:
+    def of(cls, points: Array) -> Tetrahedra:
         """Triangulate base colours."""
         from scipy.spatial import ConvexHull, Delaunay, QhullError
 
@@ -79,7 +79,7 @@ class Mesh:
         return cls(points, delaunay, planes)
 
 
-def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
+def locate_tetrahedra(mesh: Tetrahedra, XYZ: Array) -> Surrounded:
     """Find the Delaunay tetrahedron around every colour (n, 3), in one walk through the mesh.
 
     Weights are at least 0 and sum to 1; outside of the hull, vertices are -1 and weights 0.
@@ -97,7 +97,7 @@ def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
     return vertices, np.where(inside[:, None], np.maximum(weights, 0.0), 0.0)
 
 
-def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
+def clip_to_hull(mesh: Tetrahedra, XYZ: Array) -> Array:
     """Return the points (n, 3), just inside, at which lines from grey leave the hull.
 
     Each line runs from the grey with a colour's Y to the colour, which is relative to white; the

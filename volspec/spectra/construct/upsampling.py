@@ -33,7 +33,7 @@ from volspec.errors import SpectrumError, VolspecWarning, nearest
 from volspec.spectra.construct.base import ROUTES, BaseSpectra, MadeReflectances, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_linear_sRGB, checked_XYZ, colour_XYZ
 from volspec.spectra.construct.search import (
-    Mesh,
+    Tetrahedra,
     clip_to_hull,
     locate_tetrahedra,
     search_octants,
@@ -346,7 +346,7 @@ def _lamp(light: str | Spectrum, grid: SpectralGrid) -> Spectrum:
 @lru_cache(maxsize=8)
 def _mesh(
     base: BaseSpectra, power: bytes, observer_deg: Observer
-) -> tuple[Array, NDArray[np.intp], Mesh]:
+) -> tuple[Array, NDArray[np.intp], Tetrahedra]:
     """Return the light's white, the base spectra to search, and their colours relative to it.
 
     Cached for palettes that are constructed colour by colour.
@@ -356,11 +356,11 @@ def _mesh(
     white = np.maximum(white_XYZ(lamp, observer_deg), 1e-4)
     points = XYZ_from_spectra(lamp, base.values, observer_deg) / white
     selected = select_distinct(points)
-    return white, selected, Mesh.of(points[selected])
+    return white, selected, Tetrahedra.of(points[selected])
 
 
 def _surround(
-    colours: Array, mesh: Mesh, octants_first: bool
+    colours: Array, mesh: Tetrahedra, octants_first: bool
 ) -> tuple[NDArray[np.uint8], NDArray[np.intp], Array]:
     """Return route, vertices and weights of every colour's mixture, or of the one to extend."""
     n = len(colours)

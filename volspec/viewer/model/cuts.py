@@ -110,7 +110,7 @@ ARM, APART, _GRIP = 64.0, 26.0, 11.0
 
 
 @dataclass(frozen=True, slots=True)
-class Handle:
+class CutHandle:
     """A handle of the crop box or of a clip plane, in the window.
 
     ``anchor`` is the projection of the face or axis; ``place`` is moved off it if handles overlap.
@@ -124,14 +124,14 @@ class Handle:
     arm: float = 0.0
 
 
-def list_handles(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
+def list_handles(state: ViewState, projection: Projection, scale: float) -> tuple[CutHandle, ...]:
     """Return the handles of the crop box and the clip planes in front of the camera.
 
     Only the chosen plane can be tilted, and its handles come first. ``scale`` is the window's
     pixel density relative to 96 dpi.
     """
     overlays, shading, volume = state.interface.overlays, state.shading, state.document.volume
-    handles: list[Handle] = []
+    handles: list[CutHandle] = []
     if overlays.planes:
         for i, plane in enumerate(shading.clip_planes):
             both = _plane_handles(i, plane, volume, projection, scale)
@@ -141,12 +141,12 @@ def list_handles(state: ViewState, projection: Projection, scale: float) -> tupl
         for face in range(6):
             x, y, depth = (float(v) for v in projection.to_window(_face_mm(bounds, face, volume)))
             if depth > 0:
-                handles.append(Handle("crop", face, (x, y), (x, y)))
+                handles.append(CutHandle("crop", face, (x, y), (x, y)))
     return tuple(handles)
 
 
 def drag_handle(
-    shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, projection: Projection
+    shading: RaycastSpec, volume: Volume, handle: CutHandle, place: Place, projection: Projection
 ) -> tuple[float, float]:
     """Return the numbers with which `move_handle` moves a handle to a place in the window.
 
@@ -188,7 +188,7 @@ def _face_mm(crop: framing.Crop, face: int, volume: Volume) -> Array:
 
 def _plane_handles(
     index: int, plane: ClipPlane, volume: Volume, projection: Projection, scale: float
-) -> list[Handle]:
+) -> list[CutHandle]:
     """Return the handle at a plane's middle that shifts it, and one on its axis that tilts it."""
     x, y, depth = (float(v) for v in projection.to_window(anchor_mm(plane, volume)))
     if depth <= 0:
@@ -199,11 +199,11 @@ def _plane_handles(
     tip = x + near * float(normal @ right), y - near * float(normal @ up)
     close = math.dist(tip, (x, y)) < APART * scale
     drawn = (x, y + APART * scale) if close else tip
-    shift = Handle("plane-shift", index, (x, y), (x, y))
-    return [shift, Handle("plane-tilt", index, drawn, tip, arm)]
+    shift = CutHandle("plane-shift", index, (x, y), (x, y))
+    return [shift, CutHandle("plane-tilt", index, drawn, tip, arm)]
 
 
-def nearest_handle(handles: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
+def nearest_handle(handles: tuple[CutHandle, ...], place: Place, scale: float) -> CutHandle | None:
     """Return the handle that a press at a place in the window grips."""
     handle = min(handles, key=lambda grip: math.dist(grip.place, place), default=None)
     if handle is None or math.dist(handle.place, place) > _GRIP * scale:
@@ -300,7 +300,7 @@ def choose_plane(state: ViewState, index: int) -> ViewState:
     return with_overlays(state, plane=index)
 
 
-def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewState:
+def move_handle(state: ViewState, handle: CutHandle, x: float, y: float) -> ViewState:
     """Apply a handle's edit; ``x`` and ``y`` are the numbers from `drag_handle`."""
     match handle.name:
         case "crop":

@@ -97,7 +97,7 @@ def with_light(state: ViewState, telling: DiscriminatingLight) -> ViewState:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class EffectOutcome:
     """Two materials in daylight, before and after, and under the light that shows them best."""
 
     pair: tuple[str, str]
@@ -108,7 +108,7 @@ class Outcome:
     revealed: float  # under the telling light
 
 
-def outcome(begun: ViewState, state: ViewState, kind: str) -> Outcome | None:
+def outcome(begun: ViewState, state: ViewState, kind: str) -> EffectOutcome | None:
     """Return what an effect on the picked materials did; None without daylight or another light."""
     rows, daylight = state.lights, daylight_row(state.lights)
     names = list(state.transfer.materials)
@@ -125,7 +125,7 @@ def outcome(begun: ViewState, state: ViewState, kind: str) -> Outcome | None:
     if kind == DIFFERENCE:
         other_lights = [len(rows) - 1]
     telling = max(other_lights, key=lambda index: _delta_e(new, index, first, second))
-    return Outcome(
+    return EffectOutcome(
         (first, second),
         daylight,
         telling,
@@ -142,14 +142,14 @@ def _delta_e(scene: Scene, index: int, one: str, two: str) -> float:
     return float(delta_E_2000(Lab[names.index(one)], Lab[names.index(two)]))
 
 
-def with_comparison(state: ViewState, effect: Outcome) -> ViewState:
+def with_comparison(state: ViewState, effect: EffectOutcome) -> ViewState:
     """Return the state with daylight right of a divide, and the telling light left of it."""
     rows = state.lights
     new = replace(state, lights=only_row(rows, effect.telling), divide=0.5)
     return lights.choose(replace(new, other=only_row(rows, effect.daylight)), effect.telling)
 
 
-def sentences(effect: Outcome, rows: Rows) -> tuple[str, ...]:
+def sentences(effect: EffectOutcome, rows: Rows) -> tuple[str, ...]:
     """Return an outcome in plain words."""
     one, two = effect.pair
     now, before = describe(effect.after), describe(effect.before)

@@ -20,7 +20,7 @@ from volspec.errors import InputError
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, Source
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
-from volspec.viewer.model.cuts import Handle, overlay_command, with_overlays
+from volspec.viewer.model.cuts import CutHandle, overlay_command, with_overlays
 from volspec.viewer.model.edit import (
     Command,
     Edited,
@@ -215,7 +215,7 @@ def _placed_at(state: ViewState, source: Point, offset: NDArray[np.float64]) -> 
 
 
 def drag_handle(
-    state: ViewState, start: ViewState, handle: Handle, place: Place, projection: Projection
+    state: ViewState, start: ViewState, handle: CutHandle, place: Place, projection: Projection
 ) -> ViewState:
     """Move a lamp whose handle is dragged to a place; ``start`` is the state when it began."""
     source = list_sources(start.shading)[handle.index].source

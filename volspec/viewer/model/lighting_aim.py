@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from volspec.camera import Place, Projection
 from volspec.raycast import Directional, Point, RaycastSpec, Source
-from volspec.viewer.model.cuts import Handle
+from volspec.viewer.model.cuts import CutHandle
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, orbit_axes
 
@@ -112,7 +112,7 @@ def is_behind(state: ViewState, source: Source) -> bool:
     return bool(towards[2] < 0)
 
 
-def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]:
+def list_handles(state: ViewState, projection: Projection) -> tuple[CutHandle, ...]:
     """Return the handles of lamps: a point light's at its place, if that is before the camera.
 
     A place outside of the picture is moved to its edge.
@@ -140,7 +140,7 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]
             u, v = x + length * right, y - length * up
         else:
             continue
-        handles.append(Handle(HANDLE, index, _inside((u, v), projection), (u, v)))
+        handles.append(CutHandle(HANDLE, index, _inside((u, v), projection), (u, v)))
     return tuple(handles)
 
 

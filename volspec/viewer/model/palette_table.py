@@ -19,10 +19,10 @@ from volspec.palette import (
     Cell,
     CellReport,
     Design,
+    DesignState,
     Palette,
     PaletteSpectrum,
     Place,
-    State,
     apart_reports,
     report_cells,
 )
@@ -134,7 +134,7 @@ Columns = tuple[tuple[str, Spectrum], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PaletteTable:
     """Materials under lights, as the panel shows them."""
 
     rows: tuple[str, ...]  # names of materials
@@ -168,7 +168,7 @@ class Table:
         return self.rows.index(place[0]) * len(self.columns) + self.columns.index(place[1])
 
 
-def colour_table(state: ViewState) -> Table:
+def colour_table(state: ViewState) -> PaletteTable:
     """Return the table of a state, cached while spectra, viewing and targets stay the same."""
     return _table(state.transfer, lit_columns(state), shown_spec(state), state.palette.targets)
 
@@ -205,7 +205,9 @@ def _mixed_spectrum(
 
 
 @lru_cache(maxsize=16)
-def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: DesignTargets) -> Table:
+def _table(
+    transfer: Transfer, lights: Columns, spec: RelightSpec, targets: DesignTargets
+) -> PaletteTable:
     rows, names = tuple(transfer.materials), tuple(name for name, _ in lights)
     spectra = {(REFLECTANCE, name): spectrum for name, spectrum in transfer.materials.items()}
     spectra |= {(LIGHT, name): spectrum for name, spectrum in lights}
@@ -220,13 +222,13 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
         viewing = spec.viewing.unmeasured()
         distinct = _existing_apart(targets.apart, rows, names)
         palette = Palette(members, lamps, some_cells, viewing, transfer.basis.grid, apart=distinct)
-        begun = State.start(palette)
+        begun = DesignState.start(palette)
         reports, _ = report_cells(begun, cells)
         pairs = tuple(apart_reports(begun, cells))
     except VolspecError as error:
-        return Table(rows, names, spectra, {}, one_line(error))
+        return PaletteTable(rows, names, spectra, {}, one_line(error))
     by_place = {report.place: report for report in reports}
-    return Table(rows, names, spectra, by_place, apart=pairs)
+    return PaletteTable(rows, names, spectra, by_place, apart=pairs)
 
 
 def _existing_cells(
@@ -287,7 +289,9 @@ def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
     """Return the spectrum that a new light starts from: a wave that differs with the number."""
     lights = tuple(PaletteSpectrum(f"{n}", free=True, band_nm=_BAND_NM) for n in range(number + 1))
     grey = PaletteSpectrum("grey", free=True)
-    state = State.start(Palette((grey,), lights, {("grey", lights[-1].name): _NONE}, grid=grid))
+    state = DesignState.start(
+        Palette((grey,), lights, {("grey", lights[-1].name): _NONE}, grid=grid)
+    )
     unit = 100.0 / float(state.Q[1].sum())
     return Spectrum(grid.wavelengths_nm, state.E[-1] / unit, "new")
 

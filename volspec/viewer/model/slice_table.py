@@ -40,7 +40,7 @@ _GAMMA = 2.2
 
 
 @dataclass(frozen=True, slots=True)
-class Entries:
+class ValueEntries:
     """Values of a table: ``dense`` integers from ``first`` on, then ``sparse`` ones to ``last``.
 
     The last ones are evenly spaced.
@@ -73,7 +73,7 @@ class Entries:
         return np.rint(np.clip(index, 0, self.count - 1)).astype(np.uint32)
 
 
-def table_entries(volume: Volume, labels: bool) -> Entries:
+def table_entries(volume: Volume, labels: bool) -> ValueEntries:
     """Return a volume's entries: every value if these are few integers, or every label.
 
     Labels in volumes of floats are integers too.
@@ -81,18 +81,18 @@ def table_entries(volume: Volume, labels: bool) -> Entries:
     low, high = volume.typical_range
     count = int(high - low) + 1
     if volume.values.dtype.kind in "iu" and count <= ENTRIES:
-        return Entries(low, count, high, 0)
+        return ValueEntries(low, count, high, 0)
     if volume.missing is not None:  # the first entry is for missing voxels
         low -= (high - low) / ENTRIES
     if not labels:
-        return Entries(low, 0, high, ENTRIES)
+        return ValueEntries(low, 0, high, ENTRIES)
     first = max(low, -1.0)  # lower ones are transparent as well
     named = max(int(min(high, MAX_LABEL) - first) + 1, 0)
-    return Entries(first, named, high, ENTRIES if high > MAX_LABEL else 0)
+    return ValueEntries(first, named, high, ENTRIES if high > MAX_LABEL else 0)
 
 
 def greys(
-    entries: Entries, span: tuple[float, float], window: tuple[float, float]
+    entries: ValueEntries, span: tuple[float, float], window: tuple[float, float]
 ) -> NDArray[np.float64]:
     """(count,) greys of a table's entries, 0 to 1; a window of width 0 is a step."""
     low, high = window

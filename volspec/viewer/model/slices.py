@@ -49,7 +49,7 @@ PLANES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class SliceLayout:
     """A plane in terms of the nearest voxel axes; ``flipped`` if its picture runs against them."""
 
     normal: int
@@ -58,7 +58,7 @@ class Layout:
     flipped: tuple[bool, bool]
 
 
-def slice_layout(volume: Volume, plane: Plane) -> Layout:
+def slice_layout(volume: Volume, plane: Plane) -> SliceLayout:
     """Return the layout of a plane's slices in a volume."""
     return _layout(_directions(volume), plane)
 
@@ -69,7 +69,7 @@ def _directions(volume: Volume) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=16)
-def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
+def _layout(matrix: tuple[float, ...], plane: Plane) -> SliceLayout:
     columns = np.reshape(matrix, (3, 3))
     directions = columns / np.linalg.norm(columns, axis=0)
     best = max(
@@ -83,7 +83,7 @@ def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
         return voxel, bool(sign * directions[world, voxel] < 0)
 
     (across, back), (down, up) = runs(plane.across), runs(plane.down)
-    return Layout(best[plane.normal], across, down, (back, up))
+    return SliceLayout(best[plane.normal], across, down, (back, up))
 
 
 def voxel_number(volume: Volume, axis: int, fraction: float) -> int:
@@ -91,7 +91,9 @@ def voxel_number(volume: Volume, axis: int, fraction: float) -> int:
     return round(clamp(fraction, 0.0, 1.0) * (volume.shape_xyz[axis] - 1))
 
 
-def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
+def slice_values(
+    volume: Volume, layout: SliceLayout, number: int, step: int = 1
+) -> NDArray[np.generic]:
     """(rows, columns) values of a slice as displayed, every ``step``-th: a view of the array."""
     index: list[int | slice] = [slice(None, None, step)] * 3
     index[2 - layout.normal] = number
@@ -102,7 +104,9 @@ def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> 
     return values[:: -1 if up else 1, :: -1 if back else 1]
 
 
-def slice_index(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.float64]:
+def slice_index(
+    volume: Volume, layout: SliceLayout, number: int, step: int = 1
+) -> NDArray[np.float64]:
     """(rows, columns, 3) indices along x, y, z of the voxels that `slice_values` returns."""
     counts, (back, up) = volume.shape_xyz, layout.flipped
     columns = np.arange(0, counts[layout.across], step)[:: -1 if back else 1]
@@ -112,7 +116,7 @@ def slice_index(volume: Volume, layout: Layout, number: int, step: int = 1) -> N
     return index
 
 
-def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
+def size_mm(volume: Volume, layout: SliceLayout) -> tuple[float, float]:
     """Return width and height of a slice."""
     width, height = (
         volume.shape_xyz[axis] * volume.spacing_mm[axis] for axis in (layout.across, layout.down)
@@ -120,7 +124,7 @@ def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
     return width, height
 
 
-def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
+def crossing_place(volume: Volume, layout: SliceLayout, slices: Slices) -> tuple[float, float]:
     """Return where the other two slices cross in this slice's picture, 0 to 1 right and down."""
     x, y = (
         (voxel_number(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
@@ -129,14 +133,14 @@ def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[floa
     return _flip(layout, x, y)
 
 
-def _flip(layout: Layout, x: float, y: float) -> tuple[float, float]:
+def _flip(layout: SliceLayout, x: float, y: float) -> tuple[float, float]:
     """Convert a place along the voxels' axes to one in the picture, or back."""
     back, up = layout.flipped
     return 1 - x if back else x, 1 - y if up else y
 
 
 def crop_extent(
-    volume: Volume, layout: Layout, crop: Sequence[tuple[float, float]]
+    volume: Volume, layout: SliceLayout, crop: Sequence[tuple[float, float]]
 ) -> tuple[float, float, float, float]:
     """Return the crop in a slice's picture: left, top, right and bottom, 0 to 1."""
     axes = layout.across, layout.down
@@ -161,14 +165,14 @@ def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:
     return "".join(names[i][int(parts[i] > 0)] for i in leaning)
 
 
-def edge_letters(volume: Volume, layout: Layout, patient: bool) -> tuple[str, str, str, str]:
+def edge_letters(volume: Volume, layout: SliceLayout, patient: bool) -> tuple[str, str, str, str]:
     """Return the letters at the left, right, upper and lower edge of a slice."""
     return _edge_letters(_directions(volume), layout, patient)
 
 
 @lru_cache(maxsize=16)
 def _edge_letters(
-    matrix: tuple[float, ...], layout: Layout, patient: bool
+    matrix: tuple[float, ...], layout: SliceLayout, patient: bool
 ) -> tuple[str, str, str, str]:
     across, down = (
         np.reshape(matrix, (3, 3))[:, axis] * (-1 if back else 1)

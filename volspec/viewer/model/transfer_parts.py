@@ -46,7 +46,7 @@ _NEW = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class TransferPart:
     """A point or surface at a value, a region with two ends, or a label; mix: {material: share}."""
 
     values: tuple[float, ...]
@@ -56,16 +56,18 @@ class Part:
 
 # Called for each row of a list in every frame.
 @lru_cache(maxsize=8)
-def list_parts(transfer: Transfer) -> tuple[Part, ...]:
+def list_parts(transfer: Transfer) -> tuple[TransferPart, ...]:
     """Return all parts, in their order."""
     if isinstance(transfer, TransferFunction2D):
         regions = transfer.regions
-        return tuple(Part(r.values, r.opacity, mix_weights(r.material)) for r in regions)
+        return tuple(TransferPart(r.values, r.opacity, mix_weights(r.material)) for r in regions)
     if isinstance(transfer, LabelFunction):
         labels = transfer.labels.items()
-        return tuple(Part((label,), opacity, mix_weights(mix)) for label, (opacity, mix) in labels)
+        return tuple(
+            TransferPart((label,), opacity, mix_weights(mix)) for label, (opacity, mix) in labels
+        )
     rows = list_points(transfer)
-    return tuple(Part((value,), opacity, mix_weights(mix)) for value, opacity, mix in rows)
+    return tuple(TransferPart((value,), opacity, mix_weights(mix)) for value, opacity, mix in rows)
 
 
 def list_points(transfer: TransferFunction | Isosurfaces) -> Sequence[Point]:

@@ -23,7 +23,7 @@ from volspec.viewer.model.rendition import Figures, Measured
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.notify import Message
-from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.probe import PixelProbe
 from volspec.viewer.work.screen import ErrorMapTexture
 from volspec.viewer.work.session_store import RecentFile
 from volspec.viewer.work.slice_pictures import SlicePictures
@@ -113,7 +113,7 @@ class Results:
     fault: str = ""  # error message if there is no picture; empty while one is awaited
     fps: float = 0.0  # while something moves
     ms: dict[str, float] = field(default_factory=dict)  # last duration of each stage
-    under_mouse: Reading | None = None
+    under_mouse: PixelProbe | None = None
     error_map: ErrorMapTexture | None = None
     slices: SlicePictures | None = None
     step: int = 0  # the time step that was wanted last

@@ -38,7 +38,7 @@ from volspec.viewer.work.films import save_film, save_page
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice
 from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
 from volspec.viewer.work.pictures import Pictures
-from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
+from volspec.viewer.work.screenshot import Still, copy_shown, copy_values, save_picture
 from volspec.viewer.work.session import save_session
 from volspec.viewer.work.time_steps import TimeSteps
 
@@ -65,7 +65,7 @@ class FileCommands:
         self._notice, self._steps = notice, steps
         self.documents = DocumentService(tasks, notice, device)
         sides = PictureSize() if size is None else PictureSize(CUSTOM, size)
-        self._dialogs, self._picture = FileDialogs(), PictureDialog(Shot(sides))
+        self._dialogs, self._picture = FileDialogs(), PictureDialog(Still(sides))
         self._film, self._page = FilmDialog(replace(sides, even=True)), PageDialog(sides)
         self._progress: Progress | None = None
         self._state: ViewState | None = None

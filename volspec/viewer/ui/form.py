@@ -2,7 +2,7 @@
 
     settings, state -> [form] -> panels
 
-A panel lists the `Field`s that it shows; type, choices, range and unit are those of the settings.
+A panel lists the `FormField`s that it shows; type, choices, range and unit are the settings'.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Form:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class FormField:
     """A field of settings, and how its widget shows it."""
 
     name: str
@@ -44,10 +44,10 @@ class Field:
     is_logarithmic: bool = False
 
 
-def list_fields(cls: Any, *placed: str) -> tuple[Field, ...]:
+def list_fields(cls: Any, *placed: str) -> tuple[FormField, ...]:
     """Return the fields of settings that a panel does not place, each with a plain widget."""
     return tuple(
-        Field(
+        FormField(
             name,
             name if name != name.lower() else name.replace("_", " ").capitalize(),
             number_limits(hint := hints(cls)[name]),
@@ -57,7 +57,7 @@ def list_fields(cls: Any, *placed: str) -> tuple[Field, ...]:
     )
 
 
-def draw_fields(state: ViewState, ui: UiContext, form: Form, *fields: Field) -> ViewState:
+def draw_fields(state: ViewState, ui: UiContext, form: Form, *fields: FormField) -> ViewState:
     """Draw the widgets of fields below each other; return the edited state."""
     for entry in fields:
         state = draw_field(state, ui, form, entry)
@@ -68,7 +68,7 @@ def draw_field(
     state: ViewState,
     ui: UiContext,
     form: Form,
-    entry: Field,
+    entry: FormField,
     *,
     now: Any = None,
     names: Collection[str] = (),
@@ -97,7 +97,7 @@ def draw_field(
     return form.change(state, entry.name, new) if changed else state
 
 
-def _draw_choice(entry: Field, value: Any, words: Collection[str]) -> tuple[bool, str | None]:
+def _draw_choice(entry: FormField, value: Any, words: Collection[str]) -> tuple[bool, str | None]:
     """Draw a list of choices; return True and the value that was picked, if any."""
     titles = {entry.titles.get(word, word): word for word in words}
     now = entry.none if value is None else entry.titles.get(value, value)
@@ -108,7 +108,7 @@ def _draw_choice(entry: Field, value: Any, words: Collection[str]) -> tuple[bool
     return picked is not None, None if new == entry.none else new
 
 
-def _draw_number(entry: Field, value: float | None, hint: Any) -> tuple[bool, float | None]:
+def _draw_number(entry: FormField, value: float | None, hint: Any) -> tuple[bool, float | None]:
     """Draw a slider or a field for a number; return True and the number if it changed."""
     if entry.limits is None:
         return imgui.input_int(entry.label, int(value or 0))

@@ -17,7 +17,7 @@ from volspec.viewer.model.cuts import nearest_handle
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_library
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
+from volspec.viewer.ui.form import Form, FormField, draw_field, draw_fields
 from volspec.viewer.ui.light_look import fill_box, raw_colour
 from volspec.viewer.ui.quality import CAST
 from volspec.viewer.ui.widgets import (
@@ -40,11 +40,11 @@ _IN_ROOM = (
     "Directions and shadows follow from the room."
 )
 _LOG = imgui.SliderFlags_.logarithmic
-_WEIGHTS = Field("ambient", "Ambient", (0.0, 2.0)), Field("diffuse", "Diffuse", (0.0, 2.0))
+_WEIGHTS = FormField("ambient", "Ambient", (0.0, 2.0)), FormField("diffuse", "Diffuse", (0.0, 2.0))
 _GLOSS = (
-    Field("specular", "Specular", (0.0, 2.0)),
-    Field("shininess", "Shininess", (1, 256), is_logarithmic=True),
-    Field("flat_gradient", "Flat gradient", (0.0, 0.3), "%.3f"),
+    FormField("specular", "Specular", (0.0, 2.0)),
+    FormField("shininess", "Shininess", (1, 256), is_logarithmic=True),
+    FormField("flat_gradient", "Flat gradient", (0.0, 0.3), "%.3f"),
 )
 SETTINGS = tuple(widget.label for widget in (*_WEIGHTS, *_GLOSS))
 """Labels of the items that `UiContext.item` can focus."""
@@ -206,10 +206,10 @@ def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
         if changed:
             new = lighting.set_distance(new, index, value)
         new = draw_field(
-            new, ui, form, Field("falloff_mm", "Falloff", (0.0, 5 * reach), none="none")
+            new, ui, form, FormField("falloff_mm", "Falloff", (0.0, 5 * reach), none="none")
         )
     if isinstance(source, Ambient):
-        radius = Field("radius_mm", "Radius", (0.0, reach), none="automatic")
+        radius = FormField("radius_mm", "Radius", (0.0, reach), none="automatic")
         new = draw_field(new, ui, form, radius, disabled=not source.occlusion)
     if isinstance(source, Directional | Point):
         pressed, _ = imgui.checkbox("Moves with the camera", source.frame == "camera")

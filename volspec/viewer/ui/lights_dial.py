@@ -42,7 +42,7 @@ class Ring:
 
 
 @dataclass(frozen=True, slots=True)
-class Label:
+class DialLabel:
     """A light's name at the rim; labels of lower rank are placed first."""
 
     index: int
@@ -101,7 +101,7 @@ def in_two(name: str, measure: Measure) -> tuple[str, ...]:
     return min(ways, key=lambda lines: max(map(measure, lines)), default=(name,))
 
 
-def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[Label]:
+def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[DialLabel]:
     """Place as many names as there is room for; uncut if that hides no other name."""
     x, y = ring.middle
     side = ring.radius * 1.2
@@ -110,7 +110,7 @@ def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> li
     cut = []
     for i, place in enumerate(places):
         lines = (shorten(names[i], _room(place[0], ring), ring.measure),)
-        cut.append(Label(i, _box(lines, place, ring), ranks[i], lines))
+        cut.append(DialLabel(i, _box(lines, place, ring), ranks[i], lines))
     labels = non_overlapping(cut, ring.within, (disc,))
     for number, label in enumerate(labels):
         name = names[label.index]
@@ -126,10 +126,10 @@ def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> li
 
 
 def non_overlapping(
-    labels: Sequence[Label], within: Rect, taken: Sequence[Rect] = ()
-) -> list[Label]:
+    labels: Sequence[DialLabel], within: Rect, taken: Sequence[Rect] = ()
+) -> list[DialLabel]:
     """Return the labels that are inside and overlap none of lower rank, sorted by rank."""
-    placed: list[Label] = []
+    placed: list[DialLabel] = []
     boxes = list(taken)
     for label in sorted(labels, key=lambda entry: entry.rank):
         if _is_free(label.box, within, boxes):
@@ -138,13 +138,13 @@ def non_overlapping(
     return placed
 
 
-def label_at(labels: Sequence[Label], x: float, y: float) -> int:
+def label_at(labels: Sequence[DialLabel], x: float, y: float) -> int:
     """Return the light whose name is at a place; -1 if there is none."""
     point = x, y, 0.0, 0.0
     return next((label.index for label in labels if _overlap(point, label.box)), -1)
 
 
-def line_starts(label: Label, cx: float, measure: Measure) -> list[float]:
+def line_starts(label: DialLabel, cx: float, measure: Measure) -> list[float]:
     """Return each line's left end; ``cx`` is the light's place on the rim, -1 to 1."""
     x, _, width, _ = label.box
     return [x + _left_fraction(cx) * (width - measure(text)) for text in label.lines]
@@ -280,7 +280,7 @@ def _draw_rim(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None
     draw_list.add_circle(marker, ui.px(5), imgui.get_color_u32(imgui.Col_.window_bg), 0, 1.5)
 
 
-def _labels(state: ViewState, ring: Ring, hovered: int) -> list[Label]:
+def _labels(state: ViewState, ring: Ring, hovered: int) -> list[DialLabel]:
     """Place the names, first those under the mouse, chosen or lit."""
     weights, chosen_light = effective_weights(state.lights), state.interface.light
     ranks = [

@@ -96,7 +96,7 @@ class Mouse:
         self._drag = ""
         self._edit: Drag = camera.orbit
         # The dragged handle, and the state at the start of the drag; or the cube's face.
-        self._handle: tuple[cuts.Handle, ViewState] | None = None
+        self._handle: tuple[cuts.CutHandle, ViewState] | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
         self._still = False  # the press may still become a click

@@ -37,7 +37,7 @@ from volspec.viewer.work.outputs import (
     output_folder,
     short_title,
 )
-from volspec.viewer.work.screenshot import Shot, megabytes
+from volspec.viewer.work.screenshot import Still, megabytes
 
 _DIM = imgui.Col_.text_disabled
 # Width of the labels at the right of the fields, at 96 dpi.
@@ -86,7 +86,7 @@ class _OutputDialog:
 class PictureDialog(_OutputDialog):
     """The dialog for a picture's size, name and folder, which it keeps for the next time."""
 
-    def __init__(self, shot: Shot) -> None:
+    def __init__(self, shot: Still) -> None:
         super().__init__()
         self.shot = shot
 
@@ -105,7 +105,7 @@ class PictureDialog(_OutputDialog):
         marks, title = _mark_fields(old_marks, shot.title, state.document, ui)
         to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        self.shot = Shot(size, to, shot.marks if marks == old_marks else marks, title)
+        self.shot = Still(size, to, shot.marks if marks == old_marks else marks, title)
         return self._end("picture ok", state, to, ".png", ui)[0]
 
 

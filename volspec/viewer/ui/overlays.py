@@ -23,7 +23,7 @@ from volspec.viewer.ui.widgets import (
     shorten,
     text_width,
 )
-from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.probe import PixelProbe
 
 _W = imgui.WindowFlags_
 BARE_WINDOW = _W.no_decoration | _W.no_docking | _W.no_saved_settings
@@ -91,7 +91,7 @@ def draw_probe(state: ViewState, ui: UiContext) -> None:
     imgui.pop_style_var(2)
 
 
-def _spectra(reading: Reading, ui: UiContext) -> None:
+def _spectra(reading: PixelProbe, ui: UiContext) -> None:
     """Draw the light as a line, and the reflected spectrum filled with its colours."""
     x, y = imgui.get_cursor_screen_pos()
     width, height = (ui.px(side) for side in _SIZE)

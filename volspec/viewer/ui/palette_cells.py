@@ -12,7 +12,7 @@ from volspec.palette import VISIBLE, Cell, CellReport
 from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.light_rows import LightRow, effective_weights
-from volspec.viewer.model.palette_table import Table, may_design
+from volspec.viewer.model.palette_table import PaletteTable, may_design
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clip_codes, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
@@ -25,7 +25,7 @@ _SEVERAL = "A light with several spectra cannot be designed; edit it in the Ligh
 
 
 def draw_spectrum(
-    state: ViewState, table: Table, ui: UiContext, which: Member, index: int, width: float
+    state: ViewState, table: PaletteTable, ui: UiContext, which: Member, index: int, width: float
 ) -> ViewState:
     """Draw a spectrum in the margin: its name, the checkbox that frees it, its curve."""
     kind, name = which
@@ -112,7 +112,7 @@ _T = imgui.TableFlags_
 _FLAGS = _T.scroll_x | _T.scroll_y | _T.sizing_fixed_fit | _T.no_pad_outer_x
 
 
-def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def draw(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     """Draw the table; a click on a cell chooses it and opens the editor."""
     count, style = len(table.columns), imgui.get_style()
     low, high = (ui.px(width) for width in _WIDTHS)
@@ -135,7 +135,7 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     return new
 
 
-def _header(state: ViewState, table: Table, ui: UiContext, width: float) -> ViewState:
+def _header(state: ViewState, table: PaletteTable, ui: UiContext, width: float) -> ViewState:
     new = state
     imgui.table_next_row(imgui.TableRowFlags_.headers, ui.px(_HEADER))
     background = imgui.get_color_u32(imgui.Col_.window_bg)
@@ -152,7 +152,7 @@ def _header(state: ViewState, table: Table, ui: UiContext, width: float) -> View
     return new
 
 
-def _row(state: ViewState, table: Table, ui: UiContext, i: int, width: float) -> ViewState:
+def _row(state: ViewState, table: PaletteTable, ui: UiContext, i: int, width: float) -> ViewState:
     imgui.table_next_row(imgui.TableRowFlags_.none, ui.px(_CELL))
     imgui.table_next_column()
     imgui.push_id(f"row {i}")

@@ -10,7 +10,7 @@ from volspec.palette import Cell, Place, hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.light_rows import brightest_row
-from volspec.viewer.model.palette_table import Table, colour_table, may_design
+from volspec.viewer.model.palette_table import PaletteTable, colour_table, may_design
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clip_codes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
@@ -37,7 +37,7 @@ _C = imgui.ColorEditFlags_
 _PICKER = _C.no_side_preview | _C.no_label | _C.display_hex | _C.no_options
 
 
-def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def draw(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     """Draw the popup that is open, if any."""
     if ui.popup:
         imgui.open_popup(ui.popup)
@@ -55,7 +55,7 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     return new
 
 
-def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def _cell(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     place, new = state.interface.pick.place, state
     if place is None or place not in table.cells:
         return state
@@ -82,7 +82,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     return new
 
 
-def _picker(state: ViewState, table: Table, place: Place, ui: UiContext) -> ViewState:
+def _picker(state: ViewState, table: PaletteTable, place: Place, ui: UiContext) -> ViewState:
     """Draw the picker of a cell's target; with no target yet, picking a colour makes one."""
     cell = state.palette.targets.cells.get(place)
     codes = cell.colour if cell and cell.colour else clip_codes(table.cells[place].obtained)
@@ -109,7 +109,9 @@ def draw_material_colour(state: ViewState, ui: UiContext, name: str) -> ViewStat
     return new
 
 
-def _other(state: ViewState, table: Table, number: int, cell: Cell, ui: UiContext) -> ViewState:
+def _other(
+    state: ViewState, table: PaletteTable, number: int, cell: Cell, ui: UiContext
+) -> ViewState:
     """Draw the settings of a target other than a colour: a group, or another cell."""
     if cell.kind == "free":
         entered, name = imgui.input_text("##group", cell.group, _ENTER)
@@ -148,7 +150,7 @@ def _weight(state: ViewState, number: int, cell: Cell, ui: UiContext) -> ViewSta
     return new
 
 
-def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def _light(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     kind, index = ui.member
     if kind != LIGHT or index >= len(table.columns):
         return state
@@ -177,7 +179,7 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     return new
 
 
-def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def _material(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     kind, index = ui.member
     if kind != REFLECTANCE or index >= len(table.rows):
         return state

@@ -11,7 +11,7 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
-from volspec.viewer.model.palette_table import Table
+from volspec.viewer.model.palette_table import PaletteTable
 from volspec.viewer.model.palette_targets import DISTANCES, MAX_ITERATIONS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import transfer_kind
@@ -222,7 +222,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     return None if new is state else new
 
 
-def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
+def _head(state: ViewState, table: PaletteTable, ui: UiContext) -> ViewState:
     """Draw the summary of the targets, and the menu of commands for all of them."""
     new = state
     imgui.align_text_to_frame_padding()
@@ -251,7 +251,7 @@ def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     return new
 
 
-def summary(table: Table) -> str:
+def summary(table: PaletteTable) -> str:
     """Return the errors of all targets in a line."""
     errors = table.errors
     if not errors:
@@ -288,7 +288,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     tip(_MISSED, greyed=True)
 
 
-def _distances(table: Table) -> None:
+def _distances(table: PaletteTable) -> None:
     """Draw how far materials to be distinguished are, by colour vision."""
     for pair in table.apart[:_MAX_LINES]:
         imgui.text_wrapped(apart_text(pair))

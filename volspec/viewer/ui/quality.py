@@ -11,22 +11,22 @@ from volspec.raycast import MODES, TARGETS, RaycastSpec
 from volspec.viewer.model import quality
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
+from volspec.viewer.ui.form import Form, FormField, draw_field, draw_fields
 from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_button
 
 _LABELS = 104
 _LOG = imgui.SliderFlags_.logarithmic
 CAST = Form(lambda state: state.shading, quality.set_cast)
 _JITTER, _ADAPTIVE = (
-    Field("jitter", "Jitter"),
-    Field("adaptive", "Adaptive", (0.0, 0.2), "%.3f", is_logarithmic=True),
+    FormField("jitter", "Jitter"),
+    FormField("adaptive", "Adaptive", (0.0, 0.2), "%.3f", is_logarithmic=True),
 )
-_CELLS = Field("light_cells", "Light cells", (8, 512), is_logarithmic=True)
-_STOP = Field("alpha_stop", "Alpha stop", (0.5, 1.0), "%.4f")
+_CELLS = FormField("light_cells", "Light cells", (8, 512), is_logarithmic=True)
+_STOP = FormField("alpha_stop", "Alpha stop", (0.5, 1.0), "%.4f")
 _LIMITS = (
-    Field("first_opacity", "First opacity", (0.001, 1.0)),
-    Field("seed", "Seed", None),
-    Field("half", "Half precision"),
+    FormField("first_opacity", "First opacity", (0.001, 1.0)),
+    FormField("seed", "Seed", None),
+    FormField("half", "Half precision"),
 )
 SETTINGS = (
     *("Projection", "Step", "Jitter", "Adaptive", "Light cells", "Alpha stop", "First opacity"),
@@ -44,7 +44,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _sampling(_presets(new, ui), ui)
     new = _level(new, ui)
     imgui.separator_text("Shadows")
-    new = draw_field(new, ui, CAST, Field("physical_light", "Physical"))
+    new = draw_field(new, ui, CAST, FormField("physical_light", "Physical"))
     new = draw_field(new, ui, CAST, _CELLS, disabled=new.shading.physical_light)
     imgui.separator_text("Limits")
     spec = new.shading

@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 from volspec.camera import is_patient, place_text, place_unit
 from volspec.raycast import framing
 from volspec.viewer.model import slices
-from volspec.viewer.model.slices import PLANES, Layout, voxel_number
+from volspec.viewer.model.slices import PLANES, SliceLayout, voxel_number
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
@@ -100,7 +100,7 @@ def slice_text(title: str, number: int, last: int) -> str:
 
 
 def _slider(
-    state: ViewState, ui: UiContext, index: int, layout: Layout, widths: tuple[float, float]
+    state: ViewState, ui: UiContext, index: int, layout: SliceLayout, widths: tuple[float, float]
 ) -> ViewState:
     """Draw a slider with its text at the right, or above if the first width is too short."""
     volume, plane = state.document.volume, PLANES[index]
@@ -125,7 +125,7 @@ def _picture(
     ui: UiContext,
     pictures: SlicePictures,
     index: int,
-    layout: Layout,
+    layout: SliceLayout,
     size: tuple[float, float],
 ) -> ViewState:
     """Draw one slice; a drag moves the other two, the wheel steps through."""
@@ -151,7 +151,7 @@ def _picture(
     return new
 
 
-def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> None:
+def _crosshair(state: ViewState, ui: UiContext, layout: SliceLayout, area: Area) -> None:
     """Darken the cropped part, and draw the other two slices as lines in their colours."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list, dark = imgui.get_window_draw_list(), pack_colour(BLACK, 0.55)
@@ -171,7 +171,7 @@ def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> N
     draw_list.add_rect((x, y), (x + width, y + height), frame_colour, 0.0, ui.px(1))
 
 
-def _letters(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> None:
+def _letters(state: ViewState, ui: UiContext, layout: SliceLayout, area: Area) -> None:
     """Draw the directions at the edges, with an outline that is legible on any slice."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list = imgui.get_window_draw_list()

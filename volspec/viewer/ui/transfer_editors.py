@@ -14,10 +14,10 @@ from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunc
 from volspec.viewer.model import fields, transfer_edits
 from volspec.viewer.model.document import JointHistogram
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import Part, gradient_top, list_parts
+from volspec.viewer.model.transfer_parts import TransferPart, gradient_top, list_parts
 from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext, tip
-from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
+from volspec.viewer.ui.transfer_plot import HandleEdits, PointHandle, ink, set_axis
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
 from volspec.volume import value_form
 
@@ -85,7 +85,7 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
     parts, colours = list_parts(state.transfer), transfer_plot.part_colours(state)
     form = value_form(fields.data(state).volume)
     handles = [
-        Handle(_place(part), _words(part, form), colour)
+        PointHandle(_place(part), _words(part, form), colour)
         for part, colour in zip(parts, colours, strict=True)
     ]
     index = transfer_detail.chosen_part(state)
@@ -127,12 +127,12 @@ def _stems(state: ViewState, ui: UiContext) -> None:
         draw_list.add_line(foot, head, pack_colour(colour), ui.px(3))
 
 
-def _words(part: Part, form: str) -> str:
+def _words(part: TransferPart, form: str) -> str:
     value, mix = form % part.values[0], transfer_detail.mix_text(part.mix)
     return f"value {value}\nopacity {part.opacity:.3g}\n{mix}"
 
 
-def _place(part: Part) -> tuple[float, float]:
+def _place(part: TransferPart) -> tuple[float, float]:
     return part.values[0], _height_of(part.opacity)
 
 
@@ -187,7 +187,7 @@ def _factors(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewSt
         x, y = implot.plot_to_pixels(gradient, factor)
         ui.areas[f"gradient {i}"] = int(x), int(y), 0, 0
         words = f"gradient {gradient:.4g} per mm\nopacity × {factor:.3g}"
-        handles.append(Handle((gradient, factor), words))
+        handles.append(PointHandle((gradient, factor), words))
     return transfer_plot.draw_handles(state, ui, handles, _GRADIENT_EDITS)
 
 

@@ -163,7 +163,7 @@ def note_area(ui: UiContext, name: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Handle:
+class PointHandle:
     """A point of a plot that can be dragged."""
 
     place: tuple[float, float]  # in the plot's units
@@ -185,7 +185,11 @@ class HandleEdits:
 
 
 def draw_handles(
-    state: ViewState, ui: UiContext, handles: Sequence[Handle], edits: HandleEdits, active: int = -1
+    state: ViewState,
+    ui: UiContext,
+    handles: Sequence[PointHandle],
+    edits: HandleEdits,
+    active: int = -1,
 ) -> ViewState:
     """Draw handles in the current plot, the chosen one with a ring; return the edited state."""
     new, on_handle, accent = state, False, pack_colour(ACCENT[state.interface.dark])
@@ -223,7 +227,7 @@ def ink() -> int:
     return int(imgui.get_color_u32(imgui.Col_.text))
 
 
-def _draw_handle(ui: UiContext, handle: Handle, ring: int, radius: float) -> None:
+def _draw_handle(ui: UiContext, handle: PointHandle, ring: int, radius: float) -> None:
     """Draw a handle in its colour, with a ring that is visible on any background."""
     implot.push_plot_clip_rect(ui.px(6))
     draw_list, place = implot.get_plot_draw_list(), implot.plot_to_pixels(*handle.place)

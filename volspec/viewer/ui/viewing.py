@@ -15,7 +15,7 @@ from volspec.viewer.model.light_rows import Rows, facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
-from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields, list_fields
+from volspec.viewer.ui.form import Form, FormField, draw_field, draw_fields, list_fields
 from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
@@ -29,29 +29,31 @@ _SHOWN = Form(lambda state: shown_spec(state).viewing, edits.set_viewing)
 _DISPLAY = Form(lambda state: state.relight.viewing.display, edits.set_display)
 _RELIGHT = Form(lambda state: state.relight, edits.set_relight)
 _TITLES = {"given": "as set below", "picture": "by the picture", "pixel": "by each pixel"}
-_ADAPTING = Field("adapting", "Adapting", titles=_TITLES)
-_LUX = Field("illuminance_lux", "Illuminance", (0.1, 100_000.0), is_logarithmic=True)
-_LUMINANCE = Field("L_A", "##L_A", (0.01, 20_000.0), "adapts to %.4g cd/m²", is_logarithmic=True)
+_ADAPTING = FormField("adapting", "Adapting", titles=_TITLES)
+_LUX = FormField("illuminance_lux", "Illuminance", (0.1, 100_000.0), is_logarithmic=True)
+_LUMINANCE = FormField(
+    "L_A", "##L_A", (0.01, 20_000.0), "adapts to %.4g cd/m²", is_logarithmic=True
+)
 _SCENE = (
-    Field("Y_b", "Background", (1.0, 100.0), "%.0f %%"),
-    Field("surround", "Surround"),
-    Field("adopted_white", "Adapts to"),
+    FormField("Y_b", "Background", (1.0, 100.0), "%.0f %%"),
+    FormField("surround", "Surround"),
+    FormField("adopted_white", "Adapts to"),
 )
-_DEGREE = Field("D", "Adaptation", (-0.01, 1.0), none="automatic")
-_SPACE = Field("space", "Space")
+_DEGREE = FormField("D", "Adaptation", (-0.01, 1.0), none="automatic")
+_SPACE = FormField("space", "Space")
 _SCREEN = (
-    Field("white_cd_m2", "White", (1.0, 4000.0), is_logarithmic=True),
-    Field("surround", "Surround##display"),
-    Field("gamut", "Gamut"),
-    Field("mark", "Mark colours out of gamut"),
+    FormField("white_cd_m2", "White", (1.0, 4000.0), is_logarithmic=True),
+    FormField("surround", "Surround##display"),
+    FormField("gamut", "Gamut"),
+    FormField("mark", "Mark colours out of gamut"),
 )
-_VISION = Field("deficiency", "Vision", titles=VISION)
-_MODEL, _SEVERITY = Field("model", "Model"), Field("severity", "Severity")
-_ANGLE = Field("fov_deg", "Angle", (0.1, 170.0), none="the camera's")
-_DISCOUNT = Field("discount", "Discount the light's colour")
-_EXPOSURE = Field("exposure", "Exposure", (0.1, 10.0), "× %.2f", is_logarithmic=True)
-_BACKDROP = Field("backdrop", "Backdrop")
-_FILTER = Field("filter", "Filter", none=edits.NO_FILTER)
+_VISION = FormField("deficiency", "Vision", titles=VISION)
+_MODEL, _SEVERITY = FormField("model", "Model"), FormField("severity", "Severity")
+_ANGLE = FormField("fov_deg", "Angle", (0.1, 170.0), none="the camera's")
+_DISCOUNT = FormField("discount", "Discount the light's colour")
+_EXPOSURE = FormField("exposure", "Exposure", (0.1, 10.0), "× %.2f", is_logarithmic=True)
+_BACKDROP = FormField("backdrop", "Backdrop")
+_FILTER = FormField("filter", "Filter", none=edits.NO_FILTER)
 _PLACED = (_MODEL, _ADAPTING, _LUX, _LUMINANCE, *_SCENE, _DEGREE, _DISCOUNT, _VISION, _SEVERITY)
 _OTHERS = list_fields(Viewing, *(field.name for field in (*_PLACED, _ANGLE, _EXPOSURE)))
 SETTINGS = (
@@ -154,4 +156,4 @@ def _picture(state: ViewState, ui: UiContext) -> ViewState:
     if not isinstance(new.relight.backdrop, Spectrum):
         new = draw_field(new, ui, _RELIGHT, _BACKDROP)
     new = draw_field(new, ui, _RELIGHT, _FILTER, names=edits.FILTERS)
-    return draw_fields(new, ui, _RELIGHT, Field("mode", "Mode"), Field("level", "Level"))
+    return draw_fields(new, ui, _RELIGHT, FormField("mode", "Mode"), FormField("level", "Level"))

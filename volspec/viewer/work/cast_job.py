@@ -14,7 +14,7 @@ from volspec.errors import VolspecError
 from volspec.image import CoefficientImage, Reprojector
 from volspec.pipeline import Raycaster
 from volspec.raycast import Pass, RaycastSpec
-from volspec.relight import PackedLayers, PackedOpacity
+from volspec.relight import PackedOpacity, TexturePlanes
 from volspec.scene.tables import MeshSpec
 from volspec.transfer import Transfers
 from volspec.viewer.model.document import Document
@@ -98,7 +98,7 @@ class CastDone:
     ms: float
     image: CoefficientImage | None = None
     error: str = ""
-    packed: PackedLayers | None = None
+    packed: TexturePlanes | None = None
     opacity: PackedOpacity | None = None  # of an image with layers
     walls: Walls | None = None  # of a room behind the volume
     nearby: NearbyViews | None = None  # of an image with layers

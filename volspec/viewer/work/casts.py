@@ -18,7 +18,7 @@ from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import WHOLE, Pace, Pass
-from volspec.relight import PackedLayers, PackedOpacity
+from volspec.relight import PackedOpacity, TexturePlanes
 from volspec.viewer.model.depth import needs_layers
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
@@ -67,7 +67,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             cast = replace(job, size=image.size)
             layers = image.opacity_layers
             opacity = None if layers is None else PackedOpacity.of(layers)
-            yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image), opacity=opacity)
+            yield CastDone(cast, WHOLE, 0.0, image, packed=TexturePlanes.of(image), opacity=opacity)
             return
         for number, cast_pass in enumerate(job.passes):
             done = self._cast(job, cast_pass, spared=number == 0 and cast_pass.divisor > 1)
@@ -98,7 +98,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 image, walls = white.replaced(image, cast_pass.divisor == 1)
                 done = replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
-            done = replace(done, image=image, packed=PackedLayers.of(image))
+            done = replace(done, image=image, packed=TexturePlanes.of(image))
             if image.opacity_layers is not None:
                 # Views are made of layers with the transfer function's own opacities.
                 nearby = None
@@ -144,7 +144,7 @@ class NearbyWorker(LatestWorker[CastJob, CastDone]):
         done, started = CastDone(job, Pass(job.nearby.stride, "none"), 0.0), time.perf_counter()
         try:
             image = job.nearby.view(job.camera, job.scales)
-            done = replace(done, image=image, packed=PackedLayers.of(image))
+            done = replace(done, image=image, packed=TexturePlanes.of(image))
         except VolspecError as refused:
             done = replace(done, error=one_line(refused))
         yield replace(done, ms=1e3 * (time.perf_counter() - started))

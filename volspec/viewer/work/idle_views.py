@@ -15,7 +15,7 @@ from typing import Any
 
 from volspec.errors import VolspecError, one_line
 from volspec.image import CoefficientImage, OpacityLayers
-from volspec.relight import Look, PackedLayers, Stereo, StereoViews, error_map
+from volspec.relight import Look, Stereo, StereoViews, TexturePlanes, error_map
 from volspec.viewer.model.depth import focused_depth, shown_look, shown_stereo
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
@@ -54,7 +54,7 @@ class IdleWorker(LatestWorker[IdleJob, IdleDone]):
         started = time.perf_counter()
         try:
             images = self._images(job)
-            outcome = IdlePictures(job[1].stereo, images, tuple(map(PackedLayers.of, images)))
+            outcome = IdlePictures(job[1].stereo, images, tuple(map(TexturePlanes.of, images)))
         except MemoryError:
             outcome = "no memory for both eyes' pictures, or a focus"
         except VolspecError as refused:

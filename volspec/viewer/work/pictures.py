@@ -21,7 +21,7 @@ from volspec.appearance.display import colour_space
 from volspec.basis import Basis, MaterialBasis
 from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.relight import LightRig, Look, PackedLayers, PackedOpacity, Stereo, StereoPass
+from volspec.relight import LightRig, Look, PackedOpacity, Stereo, StereoPass, TexturePlanes
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
 
@@ -89,7 +89,7 @@ class IdlePictures:
 
     stereo: Stereo | None
     images: tuple[CoefficientImage, ...]
-    packed: tuple[PackedLayers, ...]
+    packed: tuple[TexturePlanes, ...]
 
     @property
     def size(self) -> tuple[int, int]:
@@ -106,7 +106,7 @@ class Pictures:
         self._relighters: dict[tuple[int, ...], Relighter] = {}
         self._relighter: Relighter | None = None
         self._half: tuple[Relighter, CoefficientImage] | None = None
-        self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
+        self._walls: tuple[SeenRoom, TexturePlanes] | None = None  # of the half picture
         # The last picture with layers of opacity.
         self._layered: tuple[Relighter, CoefficientImage] | None = None
         self.idle: IdlePictures | None = None  # shown in place of the picture
@@ -131,7 +131,7 @@ class Pictures:
         width, height = self._frame.size
         return int(width), int(height)
 
-    def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
+    def show(self, image: CoefficientImage, packed: TexturePlanes | None = None) -> None:
         """Take a picture as it was cast, and its packed layers; the last stays until `relight`."""
         self.image = replace(image, opacity_layers=None)
         self._relighter = self._relighter_of(self.image, packed)
@@ -143,7 +143,7 @@ class Pictures:
         self._relighter = self.image = self.idle = self._frame = self._frame_of = None
 
     def take_layers(
-        self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
+        self, image: CoefficientImage, packed: TexturePlanes | None, opacity: PackedOpacity | None
     ) -> Iterator[None]:
         """Take a picture with layers of opacity, which `recompose` shows, step by step."""
         relighter = self._relighter_of(image, packed)
@@ -215,7 +215,7 @@ class Pictures:
             full_size = walls.backdrop.seen(walls.camera, (width, height))
             visible = full_size.through(walls.transmission, stride)
             channels = len(room.response.names) * self.image.basis.size
-            self._walls = visible, PackedLayers.last(self._half[1], channels)
+            self._walls = visible, TexturePlanes.last(self._half[1], channels)
         (half, image), (visible, packed) = self._half, self._walls
         layers = visible.layers(walls.backdrop.colours(room.response))
         first = image.coefficients.shape[2] - sum(part.shape[2] for part in layers)
@@ -233,7 +233,7 @@ class Pictures:
         return self._relighter_of(half), half
 
     def _relighter_of(
-        self, image: CoefficientImage, packed: PackedLayers | None = None
+        self, image: CoefficientImage, packed: TexturePlanes | None = None
     ) -> Relighter:
         """Return a relighter of the image's size, with the image in it."""
         layers = 0 if image.opacity_layers is None else image.opacity_layers.count

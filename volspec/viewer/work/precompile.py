@@ -48,7 +48,7 @@ _SERVE = "from volspec.viewer.work.precompile import serve; serve()"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Programs:
+class Precompiler:
     """All that programs depend on, with a few voxels of all fields; ``spans`` if rays have ends."""
 
     volume: Volume
@@ -138,7 +138,7 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
             return
         self._built = key
         caster = document.caster
-        programs = Programs(
+        programs = Precompiler(
             few_voxels(document.volume),
             caster.device_index,
             caster.packet,
@@ -177,7 +177,7 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
 def serve() -> None:
     """Build the programs that standard input describes, until it is closed."""
     lower_priority()
-    programs: Programs = pickle.load(sys.stdin.buffer)
+    programs: Precompiler = pickle.load(sys.stdin.buffer)
     until_closed = threading.Thread(target=os.read, args=(sys.stdin.fileno(), 1), daemon=True)
     until_closed.start()
     try:

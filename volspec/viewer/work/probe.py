@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class PixelProbe:
     """Values of a pixel; its spectra are (bands,)."""
 
     rows: tuple[tuple[str, str], ...]  # name and value
@@ -48,7 +48,7 @@ def read(
     code: tuple[int, int, int],
     patient: bool | None = None,
     estimated: bool = False,
-) -> Reading:
+) -> PixelProbe:
     """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
     Without a volume there are no voxel and place; for ``patient`` see `is_patient`. An
@@ -68,7 +68,7 @@ def read(
         *_error_row(image, rig, spec, pixel),
     ]
     light, reflected = spectra(image, rig, spec, pixel)
-    return Reading(tuple(rows), image.basis.grid, light, reflected)
+    return PixelProbe(tuple(rows), image.basis.grid, light, reflected)
 
 
 def _appearance_rows(XYZ: Array, illumination: Illumination) -> Iterator[tuple[str, str]]:
@@ -89,7 +89,7 @@ def _appearance_rows(XYZ: Array, illumination: Illumination) -> Iterator[tuple[s
 def spectra(
     image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> tuple[Array, Array]:
-    """Return the spectra of a `Reading`, (bands,) each: the light, and the pixel with the backdrop.
+    """Return a `PixelProbe`'s spectra, (bands,) each: the light, and the pixel with the backdrop.
 
     Channels become spectra as far as the basis represents them.
     """

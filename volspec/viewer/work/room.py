@@ -20,7 +20,7 @@ from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
 from volspec.image import CoefficientImage
 from volspec.raycast import OpacityCaster, SurfaceCaster, SurfaceImage
-from volspec.relight import PackedLayers
+from volspec.relight import TexturePlanes
 from volspec.viewer.work.background import LatestWorker
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class RoomDone:
     room: SceneRoom
     image: CoefficientImage | None = None
     walls: Walls | None = None
-    packed: PackedLayers | None = None
+    packed: TexturePlanes | None = None
     error: str = ""
 
 
@@ -133,7 +133,7 @@ class RoomWorker(LatestWorker[RoomJob, RoomDone]):
             if job.image is not None and job.walls is not None and not self._is_superseded():
                 image = job.walls.repaint(job.image, room)
                 walls = replace(job.walls, room=room)
-                done = replace(done, image=image, walls=walls, packed=PackedLayers.of(image))
+                done = replace(done, image=image, walls=walls, packed=TexturePlanes.of(image))
             yield done
         except (VolspecError, MemoryError) as error:
             yield RoomDone(job, job.room, error=one_line(error) or "no memory for the room")

@@ -33,7 +33,7 @@ from volspec.viewer.work.cast_job import CastDone
 from volspec.viewer.work.idle_views import IdleViews, can_show
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
-from volspec.viewer.work.probe import Reading, place_mm, read
+from volspec.viewer.work.probe import PixelProbe, place_mm, read
 from volspec.viewer.work.room import RoomJob, RoomWorker, Walls
 from volspec.viewer.work.slice_pictures import SlicePictures
 
@@ -258,7 +258,7 @@ class Screen:
         self.slices = SlicePictures(context)
         self.sharp = False  # True if it has the picture's full resolution
         self.fault = ""  # error message if there is no picture; empty while one is awaited
-        self.under_mouse: Reading | None = None
+        self.under_mouse: PixelProbe | None = None
         self.error_map: ErrorMapTexture | None = None  # once it was requested
         self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
         self._meter, self._notice = meter, notice
@@ -273,7 +273,7 @@ class Screen:
         self._painting = RoomWorker(wake)
         self._walls: Walls | None = None  # in the picture
         self._new_room: tuple[SceneRoom, float] | None = None  # a new room, and since when
-        self._reading: tuple[tuple[Any, ...], Reading | None] | None = None  # with what it is of
+        self._reading: tuple[tuple[Any, ...], PixelProbe | None] | None = None  # with what it is of
 
     @property
     def busy(self) -> bool:
@@ -463,7 +463,7 @@ class Screen:
 
     def _reading_at(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
-    ) -> Reading | None:
+    ) -> PixelProbe | None:
         """Return the values at a place of the picture; None if there are none.
 
         While a picture is being drawn, the last reading stays, as a new one would wait for it.

@@ -42,14 +42,14 @@ from volspec.viewer.work.outputs import (
     with_own_caster,
 )
 from volspec.viewer.work.pictures import Pictures
-from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.probe import PixelProbe
 
 # Bytes of a pixel without its channels: alpha, two depths, the codes.
 _OTHER_BYTES = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class Still:
     """Settings for saved pictures."""
 
     size: PictureSize = field(default_factory=PictureSize)
@@ -72,7 +72,7 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
     return 3 * width * height * (4 * channels + _OTHER_BYTES) / 1e6
 
 
-def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
+def save_picture(state: ViewState, shot: Still, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
     path, state = shot.to.new_path(state.document, ".png"), solve_radiosity(state)
     size = shot.size.pixels(state.size)
@@ -82,7 +82,7 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     return path
 
 
-def _marks(state: ViewState, shot: Shot, cast: CoefficientImage) -> list[Patch]:
+def _marks(state: ViewState, shot: Still, cast: CoefficientImage) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
     rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     volume, image = state.document.volume, state.document.image
@@ -188,14 +188,14 @@ def copy_shown(pictures: Pictures, state: ViewState) -> str:
         raise ClipboardError("There is no picture to copy yet", code="missing")
     frame = pictures.pixels()
     if pictures.size == image.size:
-        frame = paint(frame, _marks(state, Shot(), image))
+        frame = paint(frame, _marks(state, Still(), image))
     height, width, _ = frame.shape
     data = np.dstack([frame, np.full((height, width), 255, np.uint8)]).tobytes()
     _copy("picture", lambda clipboard: clipboard.copy_image(data, width, height))
     return "The picture was copied"
 
 
-def copy_values(reading: Reading | None) -> str:
+def copy_values(reading: PixelProbe | None) -> str:
     """Copy the values under the mouse, a name and a value per line; return a message."""
     if reading is None:
         raise ClipboardError("Point at something in the picture first", code="missing")

@@ -20,14 +20,14 @@ from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.slice_table import (
-    Entries,
     FieldSlices,
+    ValueEntries,
     greys,
     table_entries,
     table_image,
 )
 from volspec.viewer.model.slices import (
-    Layout,
+    SliceLayout,
     grey_window,
     slice_index,
     slice_values,
@@ -73,7 +73,7 @@ class SlicePictures:
         self._colours = np.zeros(1, np.uint32)
         self._fields: tuple[tuple[Any, ...], FieldSlices] | None = None
 
-    def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
+    def texture(self, state: ViewState, name: str, layout: SliceLayout, width_px: float) -> int:
         """Return GL's name of a plane's picture, drawn at most ``width_px`` wide."""
         volume = state.document.volume
         plane = self._slices.setdefault(name, _PlaneTexture())
@@ -96,7 +96,7 @@ class SlicePictures:
         return int(plane.texture.glo)
 
     def _texture_of_fields(
-        self, state: ViewState, plane: _PlaneTexture, layout: Layout, width_px: float
+        self, state: ViewState, plane: _PlaneTexture, layout: SliceLayout, width_px: float
     ) -> int:
         """Return GL's name of a plane's picture of all fields, which is relit pixel by pixel."""
         volume, rig = state.document.volume, light_rig(state.lights, state.room)
@@ -124,7 +124,7 @@ class SlicePictures:
             plane.of_colours = of_colours
         return int(plane.texture.glo)
 
-    def _relight(self, state: ViewState, entries: Entries) -> None:
+    def _relight(self, state: ViewState, entries: ValueEntries) -> None:
         """Compute the colours of all values under the state's lights, if anything has changed."""
         slices = state.interface.slices
         window = grey_window(slices, state.document.data[""].histogram)
@@ -147,7 +147,7 @@ class SlicePictures:
         self._slices.clear()
 
 
-def _stride(volume: Volume, layout: Layout, width_px: float) -> int:
+def _stride(volume: Volume, layout: SliceLayout, width_px: float) -> int:
     """Return the distance in voxels of neighbouring pixels."""
     return max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
 

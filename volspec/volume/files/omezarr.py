@@ -33,7 +33,7 @@ from volspec.volume.files.query import Choice, ChoicesListed, OneSlice, Query, R
 from volspec.volume.files.tensors import fast_array, import_zarr
 from volspec.volume.labels import Labels
 from volspec.volume.levels.pyramid import BLOCK, DEFAULT_BYTES, Level, Stack, cast_dtype
-from volspec.volume.levels.sample import BINS, Sample, step_along
+from volspec.volume.levels.sample import BINS, VoxelSample, step_along
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 
 ZIP_SUFFIXES = (".zarr.zip", ".ozx")
@@ -255,7 +255,7 @@ def _ranges(picture: _Picture, number: int) -> NDArray[Any] | None:
     return ranges if low_high and (ranges[0] <= ranges[1]).all() else None
 
 
-def _sample(picture: _Picture, finest: Level) -> Sample | None:
+def _sample(picture: _Picture, finest: Level) -> VoxelSample | None:
     """Return what `volspec convert` wrote of all voxels; None if it did not, or it is damaged."""
     attrs = picture.attrs
     try:
@@ -267,7 +267,7 @@ def _sample(picture: _Picture, finest: Level) -> Sample | None:
     sides = tuple(-(-n // step_along(n)) for n in finest.shape)
     if not (low <= high and counts.shape == (BINS,) and (counts >= 0).all()):
         return None
-    return Sample((low, high), counts, voxels) if voxels.shape == sides else None
+    return VoxelSample((low, high), counts, voxels) if voxels.shape == sides else None
 
 
 def _check_extent(picture: _Picture, number: int) -> None:

@@ -49,7 +49,7 @@ _OPTIONS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slices:
+class SliceStack:
     """Array (Z, Y, X) whose slices are read as a whole, and what is stated of it.
 
     ``read`` returns an array of the slices with some numbers, and can be pickled.
@@ -76,7 +76,7 @@ class Slices:
         return Reading(values, self.spacing_mm, None, self.notes, None, *details)
 
 
-def larger_stack(query: Query, find: Callable[[Query], Slices]) -> Stack | None:
+def larger_stack(query: Query, find: Callable[[Query], SliceStack]) -> Stack | None:
     """Return slices that are larger than memory as a level whose chunks are whole slices."""
     if query.choices is not None:
         return None
@@ -154,7 +154,7 @@ def _natural_key(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else 0, part) for part in parts]
 
 
-def _slices(query: Query) -> Slices:
+def _slices(query: Query) -> SliceStack:
     query.allow("time", "channel")
     path, kinds = query.path, _by_format(query.path)
     kind, files = max(kinds.items(), key=lambda item: len(item[1]))
@@ -182,7 +182,7 @@ def _slices(query: Query) -> Slices:
         notes.append(
             f"{path}: no slice has the number {gaps}; those before and after follow each other"
         )
-    return Slices(
+    return SliceStack(
         *(path, (len(rows), *first.shape[:2]), first.dtype),
         partial(_read_files, [file for file, _ in rows], first.shape, sample),
         *resolve_spacing(spacing, query, notes, len(rows)),

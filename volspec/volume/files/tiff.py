@@ -33,7 +33,7 @@ from volspec.volume.files.pages import (
     stated_spacing_mm,
 )
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.files.slices import Slices, larger_stack
+from volspec.volume.files.slices import SliceStack, larger_stack
 from volspec.volume.levels.pyramid import Stack
 
 SUFFIXES = PICTURES["TIFF"]
@@ -59,7 +59,7 @@ def tiff_stack(query: Query) -> Stack | None:
     return None if small else larger_stack(query, _slices)
 
 
-def _slices(query: Query) -> Slices:
+def _slices(query: Query) -> SliceStack:
     path, notes = query.path, list[str]()
     with picture_errors(path), _open_tiff(path) as tiff:
         stack = _select_stack(tiff, query)
@@ -79,7 +79,7 @@ def _slices(query: Query) -> Slices:
         spacing = stated_spacing_mm(tiff, series.keyframe, series)
         channels = stated_channels(tiff, series, sizes.get("C", 1))
     file_query = Query(path, query.options)
-    return Slices(
+    return SliceStack(
         *(path, shape, series.dtype, partial(_read_pages, file_query)),
         *resolve_spacing(spacing, query, notes, shape[0]),
         channels[stack.indices.get("C", 0)] if channels else None,

@@ -17,8 +17,8 @@ from .pyramid import (
 )
 from .sample import (
     BINS as BINS,
-    Sample as Sample,
-    Sampler as Sampler,
+    VoxelSample as VoxelSample,
+    VoxelSampler as VoxelSampler,
     counted_step as counted_step,
     histogram_of_values as histogram_of_values,
     step_along as step_along,

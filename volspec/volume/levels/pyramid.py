@@ -24,7 +24,7 @@ from volspec.errors import one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import NATIVE_DTYPES, WIDENED
 from volspec.volume.labels import Labels
-from volspec.volume.levels.sample import Sample, Sampler
+from volspec.volume.levels.sample import VoxelSample, VoxelSampler
 from volspec.volume.metadata import Metadata
 
 Index = tuple[int, int, int]
@@ -217,7 +217,7 @@ class Stack:
     channel: Channel | None = None
     labels: Labels | None = None
     notes: Sequence[str] = ()
-    sample: Sample | None = None
+    sample: VoxelSample | None = None
     metadata: Metadata = field(default_factory=Metadata)
 
 
@@ -374,7 +374,7 @@ class Pyramid:
     missing: float | None = None
     memory_bytes: int = DEFAULT_BYTES
     damaged: Mapping[Chunk, str] = field(default_factory=dict)
-    sample: Sample | None = None
+    sample: VoxelSample | None = None
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
@@ -701,7 +701,7 @@ def ranges_of(values: NDArray[Any], box: Box) -> NDArray[Any]:
     return block_ranges(values)[(slice(None), *counts)]
 
 
-def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level, Sample | None]:
+def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level, VoxelSample | None]:
     """Read a level once; return block means small enough for memory, it with ranges, its sample.
 
     The means are of every f³ voxels, f a power of 2, which comes second.
@@ -712,7 +712,7 @@ def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level, Sample | N
     shape = level.shape
     coarse = np.zeros([-(-n // factor) for n in shape], np.float32)
     ranges = np.zeros((2, *(-(-n // BLOCK) for n in shape)), cast_dtype(level.dtype))
-    sampler = Sampler(shape, ranges.dtype)
+    sampler = VoxelSampler(shape, ranges.dtype)
     for box in boxes_in(shape, math.lcm(factor, BLOCK), level.chunk[1]):
         read = level.read(with_next(box, shape)).astype(ranges.dtype, copy=False)
         ranges[(slice(None), *level.blocks_of(box))] = ranges_of(read, box)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE = 64
-"""The most voxels of a `Sample` along each axis."""
+"""The most voxels of a `VoxelSample` along each axis."""
 BINS = 256
 """Bins of a histogram."""
 # About the most voxels that a histogram counts.
@@ -29,7 +29,7 @@ _MIN, _REPEATED = 8, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sample:
+class VoxelSample:
     """Range, histogram and some voxels of a volume, or of the finest level of one.
 
     Attributes
@@ -48,7 +48,7 @@ class Sample:
 
 
 def step_along(count: int) -> int:
-    """Return the step between the voxels of a `Sample` along an axis.
+    """Return the step between the voxels of a `VoxelSample` along an axis.
 
     >>> step_along(64), step_along(65)
     (1, 2)
@@ -130,8 +130,8 @@ def _bin_values(
     return counts.astype(np.float64)
 
 
-class Sampler:
-    """Makes the `Sample` of voxels (Z, Y, X) that are read box by box."""
+class VoxelSampler:
+    """Makes the `VoxelSample` of voxels (Z, Y, X) that are read box by box."""
 
     def __init__(self, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> None:
         self._step = counted_step(math.prod(shape))
@@ -160,7 +160,7 @@ class Sampler:
         to = tuple(slice(-(-low // step), -(-high // step)) for (low, high), step in pairs)
         self._voxels[to] = values[of_box]
 
-    def sample(self) -> Sample | None:
+    def sample(self) -> VoxelSample | None:
         """Return the sample of the boxes; None if no value is finite."""
         if self._span[0] > self._span[1]:
             return None
@@ -170,4 +170,4 @@ class Sampler:
             codes = np.iinfo(self._voxels.dtype)
             values = np.arange(codes.min, codes.max + 1)
             histogram = _bin_values(values, self._span, self._counts)
-        return Sample(self._span, histogram, self._voxels)
+        return VoxelSample(self._span, histogram, self._voxels)
