@@ -35,8 +35,8 @@ from volspec.export.demo import run_demo
 from volspec.scene import Scene
 from volspec.viewer.model import camera, scene_file
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.scene_file import export_python
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work import script
 from volspec.viewer.work.session import read_session
 from volspec.viewer.work.session_store import SessionStore
 from volspec.volume import phantom
@@ -183,7 +183,7 @@ def jobs(inputs: Path) -> Iterator[Job]:
     state = ViewState.first(Document.of(opened, opened.volume(), None), (32, 32))
     moved = camera.orbit(state, 0.2, 0.1)
     yield Job("viewer: scene", lambda out: scene_file.export_scene(moved, out / "saved.toml"))
-    yield Job("viewer: Python", lambda out: script.export_python(moved, out / "saved.py"))
+    yield Job("viewer: Python", lambda out: export_python(moved, out / "saved.py"))
     yield Job("viewer: session", lambda out: sessions(out, state), varies=("*.volspec.json",))
     arrays = {"values": np.random.default_rng(_SEED).standard_normal((512, 512))}
     yield Job("cache", lambda out: cache(out, arrays), replaces=False)

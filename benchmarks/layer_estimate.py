@@ -102,7 +102,7 @@ def measured(name: str, rig: str) -> Iterator[Estimates]:
     reference.cast_layers(
         *(setup.volume, setup.table, setup.camera, (SIDE, SIDE), setup.spec, span_mm),
         streams=(truth, *streams),
-        lights=None if lights is None else lights.arrivals(setup.table),
+        lights=None if lights is None else lights.transmittances(setup.table),
     )
     order = [*np.argsort(setup.columns), len(setup.columns)]
     shape = SIDE, SIDE, len(setup.scales)

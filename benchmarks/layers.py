@@ -118,7 +118,7 @@ class Setup:
             *(self.volume, self.table, self.camera, (SIDE, SIDE), self.spec),
             span_mm.reshape(SIDE, SIDE, 2),
             streams=(truth, *streams.values()),
-            lights=None if lights is None else lights.arrivals(self.table),
+            lights=None if lights is None else lights.transmittances(self.table),
         )
         order = [*np.argsort(self.columns), len(self.columns)]
         channels, through = truth.channels[self.pixels][..., order], truth.through[self.pixels]

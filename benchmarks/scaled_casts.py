@@ -16,7 +16,7 @@ from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.launch.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.launch.layer_stream import LayerStream, Samples, Shadow
 from volspec.raycast.launch.light_volume import LightGrid, LightVolume, light_layers, split_width
-from volspec.raycast.launch.sampling import Arrives, cell
+from volspec.raycast.launch.sampling import Transmittance, cell
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 
@@ -53,13 +53,13 @@ class ScaledLights:
         self._compute.download(buffer, layers)
         return layers
 
-    def arrivals(self, table: TransferTable) -> reference.Lights:
+    def transmittances(self, table: TransferTable) -> reference.Lights:
         """Return the light of a table as `reference.split_transmittances` does, from the device."""
         width, sources = split_width(table), len(self._number)
         layers = self._of(table, width) / 65535
         split = layers[sources:].reshape(sources, *layers.shape[1:], width)
 
-        def each(volumes: Array) -> dict[int, Arrives]:
+        def each(volumes: Array) -> dict[int, Transmittance]:
             return {
                 source: partial(reference.light_at, np.ascontiguousarray(volumes[n]), self.grid)
                 for source, n in self._number.items()
