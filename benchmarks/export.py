@@ -27,6 +27,7 @@ from PIL import Image
 from benchmarks.measure import Comparison, Figure, commit
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import asset
+from volspec.export import export as export_scene
 from volspec.export import frame_files
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene
@@ -79,12 +80,12 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
 
         def export(number: int) -> None:
             with mock.patch.object(frame_files, "encode", lambda *_: b""):
-                export(scene, folder / str(number), **settings)
+                export_scene(scene, folder / str(number), **settings)
 
         export(-1)
         scene.render(volume, caster=caster, size=size)
         times = np.array([[taken(partial(export, run)), taken(cast_each)] for run in range(_RUNS)])
-        encoded = taken(lambda: export(scene, folder / "frames", **settings))
+        encoded = taken(lambda: export_scene(scene, folder / "frames", **settings))
         there = sorted((folder / "frames").glob("*.png"))
         pictures = [np.asarray(Image.open(path)) for path in there]
         same = all(map(np.array_equal, pictures, (frames[name] for name in sorted(frames))))

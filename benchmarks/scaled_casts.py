@@ -71,7 +71,7 @@ class ScaledLights:
     def passes(self, shadow: Shadow) -> Array:
         """Return (R, C) what arrives at samples with each scale."""
         layer = self._layers[self._number[shadow.source]]
-        at = shadow.at * np.array(self.grid.per_index) + LIGHT_MARGIN
+        at = shadow.point * np.array(self.grid.per_index) + LIGHT_MARGIN
         base, f = cell(layer.shape[:3], at)
         found = np.zeros((len(at), layer.shape[3]))
         for corner in itertools.product((0, 1), repeat=3):
