@@ -130,10 +130,10 @@ def imported(package: Path, trees: dict[Path, ast.Module]) -> tuple[int, int, in
                 to = inside.with_suffix(".py") if is_module else place.with_suffix(".py")
                 to = to if to in trees else inside if inside in doors else place
                 home, own = to.relative_to(package).parts, path.relative_to(package).parts
-                given = stub_target(place, alias.name)
+                behind_door = stub_target(place, alias.name)
                 if home and package / home[0] in doors and home[0] != own[0]:
-                    across, past = across + 1, past + (to.suffix == ".py" and given is None)
-                to = given or to
+                    across, past = across + 1, past + (to.suffix == ".py" and behind_door is None)
+                to = behind_door or to
                 for folder in path.parents:
                     if not folder.is_relative_to(package):
                         break

@@ -567,7 +567,7 @@ def tried(
         lens = lens and bool(off.mean() <= 1)
         most = MAX_LENS_CODES if lens else MAX_PAIR_CODES if pair else MAX_CODES
         if name == "page" and state.relight.viewing.display.mark:
-            off = off[: -int(MAX_AT_BORDER * off.size)]
+            off = off[: off.size - int(MAX_AT_BORDER * off.size)]
         found[name] = Cell(int(off[-1]), words, most)
     return found
 

@@ -247,11 +247,11 @@ def one_line(message: object) -> str:
 def quote(value: object, length: int = 40) -> str:
     """Return the ``repr`` of a value for a message: in one line, shortened if it is long.
 
-    >>> quote("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
+    >>> quote("8"), quote(["a\\n", 1.0]), quote("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
     """
     if getattr(value, "shape", None) == ():  # a NumPy scalar
-        value = value.item()  # type: ignore[attr-defined]
+        value = value.item()  # type: ignore[attr-defined]  # object has none
     text = " ".join(line.strip() for line in repr(value).splitlines())
     return text if len(text) <= length else f"{text[: length - 1]}…"
 

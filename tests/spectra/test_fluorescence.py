@@ -20,7 +20,7 @@ from volspec.palette import PaletteSpectrum
 from volspec.palette.variables import initial_reflectance
 from volspec.raycast import RaycastSpec, reference
 from volspec.relight import Illumination, Relighter, RelightSpec
-from volspec.room.quantities import require_reflectance
+from volspec.room.quantities import require_reflectance, with_paint
 from volspec.scene import Scene
 from volspec.spectra import (
     DEFAULT_GRID,
@@ -305,3 +305,5 @@ def test_designs_and_rooms_refuse_what_emits():
         initial_reflectance(PaletteSpectrum("glow", glowing, free=True), DEFAULT_GRID)
     with raises(SpectrumError, "unsupported"):
         require_reflectance([glowing], ["wall"], DEFAULT_GRID)
+    with raises(SpectrumError, "unsupported"):
+        with_paint([reflectance("white")], glowing, [0])

@@ -275,7 +275,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
 
 
 def _argsort_delta_e(delta_e: Array) -> NDArray[np.intp]:
-    """Return the order of colour differences; those that are `rounded` alike keep theirs."""
+    """Return the order of colour differences; those that `round_delta` alike keep theirs."""
     return np.argsort(round_delta(delta_e), kind="stable")
 
 

@@ -179,7 +179,7 @@ def say(text: object) -> None:
 def count_of(number: int, noun: str) -> str:
     """Return a number with its noun, singular or plural.
 
-    >>> count_of(1, "light"), counted(2, "light")
+    >>> count_of(1, "light"), count_of(2, "light")
     ('1 light', '2 lights')
     """
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -135,7 +135,7 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
     return painted
 
 
-def _place_led(
+def _with_leader(
     annotation: Annotation, projection: Projection, unit: float
 ) -> PlacedAnnotation | None:
     """Place an annotation in a picture whose sizes grow by ``unit``; None if it is behind."""
@@ -147,7 +147,7 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
     nodes = []
     for annotation in annotations:
-        placed = _place_led(annotation, projection, unit)
+        placed = _with_leader(annotation, projection, unit)
         if placed is None:
             continue
         for name, wider in (("under", _OUTLINE * unit), ("over", 0.0)):
@@ -173,7 +173,7 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
     """Warn of annotations that begin within a picture and end beyond its right edge."""
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
     for annotation in annotations:
-        if (placed := _place_led(annotation, projection, unit)) is None:
+        if (placed := _with_leader(annotation, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
         width = TextLine.of(printable(annotation.caption, _MAX_LETTERS), round(_TEXT * unit)).width
@@ -266,7 +266,7 @@ class _Painter:
 
     def annotation(self, annotation: Annotation) -> list[Patch]:
         """Return an annotation's lines and its caption; nothing if it is behind the camera."""
-        placed = _place_led(annotation, self._projection, self.unit)
+        placed = _with_leader(annotation, self._projection, self.unit)
         if placed is None:
             return []
         x, y = placed.caption + (_ROOM * self.unit, 0.0)

@@ -235,7 +235,7 @@ def _contradiction(
     hard = [term for term in terms if math.isinf(term.weight)]
     parts = np.split(of_equations, np.cumsum([len(term.target) for term in hard])[:-1])
     sizes = [float(np.abs(part).max()) for part in parts]
-    exact = [term.label for term, size in zip(hard, sizes, strict=True) if _counts(size, sizes)]
+    exact = [term.label for term, size in zip(hard, sizes, strict=True) if _is_unmet(size, sizes)]
     sides = [
         (many[place].max(initial=0.0), side, name)
         for name, place in places.items()
@@ -245,7 +245,7 @@ def _contradiction(
     widen = [
         f"the {side} bound of {name}"
         for size, side, name in sides
-        if _counts(size, sizes) and quadratic.without_bound(side, places[name]).feasible
+        if _is_unmet(size, sizes) and quadratic.without_bound(side, places[name]).feasible
     ]
     remedy = "give finite weights, free one of them, or change the exposure"
     return PaletteError(
@@ -255,5 +255,5 @@ def _contradiction(
     )
 
 
-def _counts(size: float, sizes: Sequence[float]) -> bool:
+def _is_unmet(size: float, sizes: Sequence[float]) -> bool:
     return size > _INVOLVED * max(sizes)

@@ -117,7 +117,7 @@ def cast(
     if spec.add_fields and isinstance(table, FieldTables):
         alone, args = replace(spec, add_fields=False), (span_mm, clear)
         pictures: Any = [cast(volume, one, camera, size, alone, *args) for one in table.apart()]
-        return tuple(add_pictures(pictures))  # type: ignore[return-value]
+        return tuple(add_pictures(pictures))  # type: ignore[return-value]  # four again
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> CastRays:
         return _within(make_rays(volume, camera, size, spec), span_mm)

@@ -105,11 +105,11 @@ class LightRig:
         )
 
     def facing(self, fractions: Mapping[str, float]) -> LightRig:
-        """Weight each light by its group's share, for a surface that faces every source.
+        """Weight each light by its group's fraction, for a surface that faces every source.
 
         Parameters
         ----------
-        shares : {str: float}
+        fractions : {str: float}
             An image's light groups, as in `CoefficientImage.groups`.
 
         Returns

@@ -176,7 +176,7 @@ class SurfaceAppearance:
     chosen_xy: tuple[float, float]
     seen_xy: tuple[float, float]
     conditions: EyeConditions
-    """Of the eye that looks at it."""
+    """Conditions of an eye in front of the surface."""
 
     @property
     def difference(self) -> float:

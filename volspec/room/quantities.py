@@ -77,6 +77,8 @@ def with_paint(
     >>> with_paint([[0.1, 0.1], [0.2, 0.2]], [0.7, 0.8], [1], SpectralGrid(500, 600, 100)).tolist()
     [[0.1, 0.1], [0.7, 0.8]]
     """
+    for spectra in (reflectance, paint):
+        require_no_emission(spectra, "a room's paint")
     painted = stack(reflectance, grid).copy()
     if painted.ndim != 2:
         raise _wrong_shape("reflectance", painted, "give a spectrum for each patch")

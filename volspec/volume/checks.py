@@ -66,7 +66,7 @@ def _real_array(array: ArrayLike, name: str) -> NDArray[Any]:
         if isinstance(array, list | tuple) and any(map(np.ma.isMaskedArray, array)):
             array = np.ma.stack(array)
         if np.ma.isMaskedArray(getattr(array, "_meta", None)):  # Dask's
-            array = array.compute()  # type: ignore[union-attr]
+            array = array.compute()  # type: ignore[union-attr]  # Dask's, as tested
         values = np.asanyarray(array)
         masked, values = np.ma.getmask(values), np.asarray(values)
     except (TypeError, ValueError) as error:

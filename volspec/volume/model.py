@@ -458,7 +458,7 @@ class Volume:
             return cls.from_pyvista(source)
         if hasattr(source, "data_to_world"):
             return cls.from_layer(source)
-        return cls(source)  # type: ignore[arg-type]
+        return cls(source)  # type: ignore[arg-type]  # the constructor checks it
 
     @classmethod
     def empty(cls, low_mm: ArrayLike, high_mm: ArrayLike) -> Volume:
