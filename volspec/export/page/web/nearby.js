@@ -126,7 +126,6 @@ class NearbyViews {
   texture(side, look, eye, view) {
     const { recomposer } = this, name = `side ${side}, eye ${eye}`;
     return recomposer.kept(name, [look.opacity, recomposer.effects(look), view], (texture) => {
-      if (!this.points) this.upload();
       this.draw(texture, { ...recomposer.uniforms(look), ...view });
     });
   }
@@ -140,7 +139,6 @@ class NearbyViews {
     const lens = this.lenses.get(name);
     if (lens.points === 0 || (refine && lens.points < LENS_POINTS)) lens.points += 1;
     return recomposer.kept(name, [key, lens.points], (texture) => {
-      if (!this.points) this.upload();
       const view = viewThrough(page, turn, look, lens.points - 1);
       this.draw(texture, { ...recomposer.uniforms(look), ...view }, 1 / lens.points);
     });
@@ -154,6 +152,7 @@ class NearbyViews {
     const { recomposer, recomposer: { relighter, relighter: { gl, page: { opacity } } } } = this;
     const { distance_mm, nearness, pitch_mm } = opacity.camera;
     const all = { lens: [0, 1], ...uniforms, camera: [distance_mm, nearness, pitch_mm] };
+    if (!this.points) this.upload();
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
