@@ -34,7 +34,6 @@
 #define LANES 4
 #include "lanes.clh"
 
-
 // Ways from a layer to its neighbours, neither more than FARTHER times the other: what is farther
 // away is behind a void; 0 if it is alone.
 static inline void ways_to_neighbours(__global const float *depth, int layer, float ways[2]) {

@@ -244,29 +244,15 @@ class Sums(NamedTuple):
 
 
 def reproject_reference(
-    layers: OpacityLayers,
-    scales: list[float],
-    warp: Warp,
-    parts: int = PARTS,
-    *,
-    by_depth: bool = False,
+    layers: OpacityLayers, scales: list[float], warp: Warp, parts: int = PARTS
 ) -> Sums:
-    """Splat the layers of a picture into another camera's: the kernel in float64.
-
-    If ``by_depth``, points are sorted by depth in each pixel; in the kernel by slices of depth.
-    """
+    """Splat the layers of a picture into another camera's: the kernel in float64."""
     points = layer_points(layers, scales, warp, parts)
-    rank: tuple[Array | NDArray[np.int64], ...] = (points.ahead,)
-    if not by_depth:
-        depths = _depths(layers.depth_mm, warp)
-        bucket = ((points.ahead - depths[0]) * _buckets_per_mm(depths)).astype(int)
-        blocks = points.column // BLOCK, points.line // BLOCK
-        rank = (*blocks, bucket.clip(0, BUCKETS - 1))
-    order = np.lexsort(rank)
-    points = Points(
-        *(points.column[order], points.line[order]),
-        *(points.tau[order], points.ahead[order], points.colours[order]),
-    )
+    depths = _depths(layers.depth_mm, warp)
+    bucket = ((points.ahead - depths[0]) * _buckets_per_mm(depths)).astype(int)
+    blocks = points.column // BLOCK, points.line // BLOCK
+    order = np.lexsort((*blocks, bucket.clip(0, BUCKETS - 1)))
+    points = Points._make(array[order] for array in points)
     x, y, Z, size = warp.places(
         points.column.astype(float), points.line.astype(float), points.ahead
     )
@@ -336,11 +322,9 @@ class Reprojector:
         self._depths = _depths(
             self._layers.depth_mm, Warp.of(self.camera, image.size, self.camera, image.size)
         )
-        upload = self.compute.upload
-        self._inputs = [
-            upload(np.ascontiguousarray(array, np.float32), share=True)
-            for array in _arrays(self._layers.lit([1.0] * self._layers.materials))
-        ]
+        layers = self._layers
+        arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+        self._inputs = [*map(self._input, arrays)]
         blocks = -(-width // BLOCK) * -(-height // BLOCK)
         self._extents = np.empty((blocks, 2), np.float32)
         self.points = 0
@@ -355,7 +339,13 @@ class Reprojector:
         scales: Mapping[str, float] | None = None,
         size: tuple[int, int] | None = None,
     ) -> CoefficientImage:
-        """Return the picture of another camera, with other opacities; see `reproject`."""
+        """Return the picture of another camera nearby, without layers and first hit.
+
+        Lights that are fixed in the world are exact; those fixed to the camera, such as a
+        headlight, stay where they were at the cast. ``scales`` are opacities, as of
+        `CoefficientImage.recompose`; ``size`` is (width, height), the image's if left out. Raises
+        ImageError if the camera looks elsewhere, or a scale or the size is refused.
+        """
         width, height = checked_size(size or self.image.size, "reproject")
         _check_camera(camera, self.camera)
         factors = self.image.opacity_scales(scales or {})
@@ -399,6 +389,9 @@ class Reprojector:
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         )
 
+    def _input(self, array: NDArray[Any]) -> Any:
+        return self.compute.upload(np.ascontiguousarray(array, np.float32), share=True)
+
     def _tile(self, warp: Warp) -> tuple[int, int]:
         """Return the size of the target's tiles, one a work-item."""
         info, (width, height) = self.compute.info, warp.other_size
@@ -414,12 +407,9 @@ class Reprojector:
         """Make the points of some scales, unless they are there."""
         if scales == self._scales:
             return
-        if self._layers.slots:
-            arrays = _arrays(self._layers.lit(scales))[1:3]  # shadows fade with their materials
-            self._inputs[1:3] = [
-                self.compute.upload(np.ascontiguousarray(array, np.float32), share=True)
-                for array in arrays
-            ]
+        if self._layers.slots:  # shadows fade with their materials
+            layers = self._layers.lit(scales)
+            self._inputs[1:3] = map(self._input, (layers.shade, layers.gloss))
         kernel, compute = self._kernel("arrange"), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
@@ -465,10 +455,6 @@ class Reprojector:
         return self.compute.kernel(assemble("kernels/reproject.cl", text), name)
 
 
-def _arrays(layers: OpacityLayers) -> list[NDArray[Any]]:
-    return [layers.tau, layers.shade, layers.gloss, layers.depth_mm]
-
-
 def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:
     """Return bounds of the layers' depths along the view, from the target's plane."""
     finite = np.isfinite(depth_mm)
@@ -478,37 +464,6 @@ def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:
         return 0.0, 1.0
     distance = warp.source.distance
     return low * float(warp.source.cosines(*warp.size).min()) - distance, high - distance
-
-
-def reproject(
-    image: CoefficientImage,
-    camera: Camera,
-    scales: Mapping[str, float] | None = None,
-    size: tuple[int, int] | None = None,
-) -> CoefficientImage:
-    """Return a picture by another camera nearby, from an image's layers of opacity.
-
-    Lights that are fixed in the world are exact; those fixed to the camera, such as a headlight,
-    stay where they were at the cast. Raises ImageError if the image has no layers, its camera is
-    unknown, the other one looks elsewhere, or a scale is refused.
-
-    Parameters
-    ----------
-    image : CoefficientImage
-        Cast with layers; it knows its camera.
-    camera : Camera
-        The other camera.
-    scales : {material: scale}, optional
-        Opacities, as of `CoefficientImage.recompose`.
-    size : (width, height), optional
-        Pixels; those of the image if left out.
-
-    Returns
-    -------
-    CoefficientImage
-        Without layers and first hit.
-    """
-    return Reprojector(image).view(camera, scales, size)
 
 
 def _check_camera(camera: Camera, source: Camera) -> None:
