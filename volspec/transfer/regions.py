@@ -32,6 +32,8 @@ from volspec.transfer.table import TransferTable, power_of_two
 _WHO = "TransferFunction2D"
 # Entries over values and rows over gradients.
 _SIZES, _ROWS = (256, 2048), (64, 256)
+# Least gradient above 0 that the kernel's float32 tells from 0.
+_MIN_GRADIENT = float(np.finfo(np.float32).tiny)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,9 +73,9 @@ class Region:
                 "Region.values", self.values, "give numbers of float32", "range"
             )
         bottom, top = _checked_bounds("gradients", self.gradients)
-        if bottom < 0:
+        if bottom < 0 or any(0 < bound < _MIN_GRADIENT for bound in (bottom, top)):
             raise TransferError.refused(
-                "Region.gradients", self.gradients, "give 0 or more", "range"
+                "Region.gradients", self.gradients, "give 0 or more, in numbers of float32", "range"
             )
         object.__setattr__(self, "values", (low, high))
         object.__setattr__(self, "gradients", (bottom, top))
