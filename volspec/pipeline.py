@@ -21,7 +21,7 @@ from volspec._checks import MAX_SIDE, checked_size, whole
 from volspec.basis import SpectralBasis
 from volspec.camera import Camera, Projection
 from volspec.errors import RaycastError, VolspecWarning
-from volspec.image import CoefficientImage, OpacityLayers
+from volspec.image import APPROXIMATED, CoefficientImage, OpacityLayers
 from volspec.large import Raycaster
 from volspec.raycast import OpacityCaster, RaycastSpec, SurfaceCaster, Surfaces
 from volspec.raycast.launch import (
@@ -165,7 +165,7 @@ def raycast(
         cast.alpha,
         cast.depth_mm,
         transfer.basis,
-        _cast_notes(volume, camera, spec, caster, notes),
+        _cast_notes(volume, camera, spec, caster, behind) | dict(notes or {}),
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
@@ -344,9 +344,9 @@ def _cast_notes(
     camera: Camera,
     spec: RaycastSpec,
     caster: Raycaster,
-    more: Mapping[str, str] | None,
+    surfaces: Sequence[SurfaceCaster],
 ) -> dict[str, str]:
-    """Return the notes of a cast, and ``more``."""
+    """Return the notes of a cast."""
     notes = {
         "volume": volume.file_name,
         "camera": repr(camera),
@@ -355,7 +355,9 @@ def _cast_notes(
     }
     if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
         notes[GAPS] = gaps
-    return {**notes, **(more or {})}
+    if approximated := ", ".join(filter(None, (surface.approximated for surface in surfaces))):
+        notes[APPROXIMATED] = approximated
+    return notes
 
 
 def _warn_if_empty(

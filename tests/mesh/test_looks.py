@@ -391,6 +391,8 @@ def no_picture(folder: Path) -> Path:
         (lambda folder: vs.Texture.load(with_alpha(folder, 100)), "unsupported"),
         (lambda folder: vs.Texture.load(no_picture(folder)), "damaged"),
         (lambda _: vs.Grating(spacing_um=0.0), None),
+        (lambda _: vs.Grating(spacing_um=0.19), "range"),  # finer than light
+        (lambda _: vs.Grating(spacing_um=1.6, cross_um=0.1), "range"),
         (lambda _: replace(plane(), opacity=0.0), "range"),
         (lambda _: vs.shape_mesh("plain"), "unknown"),  # a wrong name
     ],

@@ -11,12 +11,21 @@ from tests.support.scenes import scene_text
 from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import BasisReport
-from volspec.errors import SceneError, VolspecWarning
+from volspec.errors import InputError, SceneError, VolspecWarning
+from volspec.relight import difference_map, error_map
 from volspec.scene import Scene
 from volspec.scene.basis import SceneSpectra, train_basis, use_of
 from volspec.scene.tables.specs import BasisSpec
 from volspec.scene.tables.transfer import PointSpec, TransferSpec
-from volspec.spectra import SpectralGrid, light, light_set, reflectance
+from volspec.spectra import (
+    SpectralGrid,
+    XYZ_from_spectra,
+    light,
+    light_set,
+    reflectance,
+    white_XYZ,
+)
+from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parents[2]
 POINTS = [(0, 0, "block"), (9, 1, "part")]
@@ -215,3 +224,53 @@ def test_a_mix_is_used_by_its_shares():
     a = 1.5 + 0.75 + 2.5 + 20 / 3 * (0.15 + 0.15 + 0.5)
     b = 3.5 + 1.75 + 20 / 3 * (0.35 + 0.35)
     assert use_of(TransferSpec(points=other)) == pytest.approx({"a": 1.0, "b": b / a})
+
+
+DISC = """
+[[mesh]]
+shape = "disc"
+size_mm = 8.0
+material = "part"
+turn_deg = [60.0, 0.0, 0.0]
+grating = { spacing_um = 1.6, spread_deg = SPREAD }
+"""
+
+
+@pytest.mark.parametrize(("spread", "lamp"), [(1.0, "HP1"), (2.2, "FL11"), (4.0, "laser:532")])
+def test_stripes_have_the_colours_of_full_bands(tmp_path, spread, lamp):
+    """Against sums of the bands' reflectances, and with the number of a basis that is too small."""
+    disc = DISC.replace("SPREAD", str(spread))
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    image = scene(tmp_path, disc, lamp=lamp).render(size=(64, 48))
+    assert image.basis.method == "bands" and "approximated" not in image.notes
+    S = np.float64(image.coefficients)
+    for name in ("D65", lamp):
+        shone, white = light(name), white_XYZ(light(name))
+        exposure = 1.0 / max(S.max(), 1.0)
+        own = exposure * XYZ_from_spectra(shone, S)
+        shown = exposure * image.coefficients @ image.basis.colour_matrix(shone).T
+        assert delta_E_2000(cielab(own, white), cielab(shown, white)).max() < 1e-4
+    with pytest.warns(VolspecWarning, match=f"disc under {lamp}") as warned:
+        small = scene(tmp_path, f'[basis]\nname = "general-5"\n{disc}', lamp=lamp)
+    mean, most = map(
+        float, re.findall(r"ΔE00 ([\d.]+) .* up to ([\d.]+)", str(warned[0].message))[0]
+    )
+    assert 1.0 < mean < most and most > 5.0
+    picture = small.render(size=(64, 48))
+    with raises(InputError, "unsupported"):
+        error_map(picture, light(lamp))
+    assert difference_map(picture, image, light(lamp)).max > 1.0
+    assert error_map(image, light(lamp)).max < 1e-4
+
+
+def test_bands_are_a_basis_of_any_scene(tmp_path):
+    """A volume in all bands has the colours of its materials, which are exact as channels."""
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    bands = '[basis]\nmethod = "bands"'
+    of_bands, exact = (scene(tmp_path, text).render(size=(16, 12)) for text in (bands, MATERIALS))
+    assert of_bands.basis.size == 81
+    lamp = light("FL11")
+    XYZ = [image.coefficients @ image.basis.colour_matrix(lamp).T for image in (of_bands, exact)]
+    assert np.abs(XYZ[0] - XYZ[1]).max() < 1e-3
+    with raises(SceneError, "conflict"):
+        scene(tmp_path, f"{bands}\nsize = 9")

@@ -364,13 +364,18 @@ def check_scene(path: str | os.PathLike[str]) -> CheckedExport:
             errors.append(str(error))
     if scene is None or volume is None or errors:
         return CheckedExport(name, tuple(errors))
+    reason, output = scene.basis_reason, scene.file.output
+    if scene.basis.method == "bands":
+        channels = len(scene.raycast.groups) * scene.basis.size
+        megabytes = output.width * output.height * channels * (2 if scene.raycast.half else 4) / 1e6
+        reason += f"; a picture takes {megabytes:.3g} MB"
     return CheckedExport(
         name,
         materials=len(scene.materials),
         lights=len(scene.lights),
         volume=None if file.volume.file == EMPTY else volume.finest.shape_xyz,
         basis=scene.basis.name,
-        reason=scene.basis_reason,
+        reason=reason,
         room_error=None if scene.room is None else scene.room.specimen.error,
     )
 

@@ -7,7 +7,7 @@ from .depth import (
     fog_behind as fog_behind,
     layers_in_depth as layers_in_depth,
 )
-from .fields import ONE_GROUP as ONE_GROUP
+from .fields import APPROXIMATED as APPROXIMATED, ONE_GROUP as ONE_GROUP
 from .file import (
     CASTS as CASTS,
     SOLID_VERSION as SOLID_VERSION,

@@ -58,6 +58,10 @@ def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
     return fractions
 
 
+APPROXIMATED = "approximated"
+"""Note of what the channels store only approximately: no mixture of materials, in a small basis."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageFields:
     """Fields of a `CoefficientImage`, which has the rest."""

@@ -26,7 +26,7 @@ from volspec._checks import checked_size
 from volspec.basis import Basis, SpectralBasis
 from volspec.camera import NEAR, Camera, Projection
 from volspec.errors import MeshError, VolspecWarning
-from volspec.image import CoefficientImage
+from volspec.image import APPROXIMATED, CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, MeshHits
@@ -174,7 +174,7 @@ class MeshCaster:
     def _take(self, materials: Mapping[str, Spectrum], basis: Basis) -> None:
         for mesh in self.meshes:
             if mesh.grating is not None and not isinstance(basis, SpectralBasis):
-                remedy = "use a spectral basis"
+                remedy = "use SpectralBasis.bands(), in scenes [basis] method = 'bands'"
                 problem = f"{mesh.name}: a basis of materials cannot store what gratings diffract"
                 raise MeshError(problem, remedy, code="conflict")
         self.basis, self._spectra, self._paints = basis, materials, []
@@ -212,6 +212,12 @@ class MeshCaster:
         """Return the first translucent mesh, as `SurfaceCaster`."""
         meshes = [mesh for mesh in self.meshes if mesh.opacity < 1.0]
         return f"{meshes[0].name} of opacity {meshes[0].opacity:g}" if meshes else ""
+
+    @property
+    def approximated(self) -> str:
+        """Return what gratings diffract in a basis without all bands, as `SurfaceCaster`."""
+        names = [mesh.name for mesh in self.meshes if mesh.grating is not None]
+        return f"light that {', '.join(names)} diffracts" * (self.basis.method != "bands")
 
     def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:
         """Return what cuts leave of meshes with ``cut``, as `SurfaceCaster`."""
@@ -254,10 +260,13 @@ class MeshCaster:
             opaque, *sheets = cut._pictures(camera, size, spec, {}, repeat(far))
             for picture in (*sheets, opaque):
                 composite_under(image, picture)
+        notes = {"camera": repr(camera), "raycast": repr(spec)}
+        if self.approximated:
+            notes[APPROXIMATED] = self.approximated
         return CoefficientImage(
             *image[:3],
             self.basis,
-            {"camera": repr(camera), "raycast": repr(spec)},
+            notes,
             groups=spec.shares(),
             first_mm=image.first_mm,
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,

@@ -29,8 +29,12 @@ Array = NDArray[np.float64]
 _REACH = 5.0
 # Where less of the direction across the lines is in the surface, there are no lines.
 _MIN_ACROSS = 0.03
-# Lines nearer than half a wavelength diffract nothing; stripes of distant ones are not seen apart.
-Spacing = Annotated[float, Field(ge=0.2, le=1000.0), Unit("µm")]
+# Wavelengths that are seen begin here; lines nearer than half of them diffract nothing.
+_VISIBLE_NM = 400.0
+# Places across the stripes at which `Grating.spectra` are taken, for each direction.
+_PLACES = 96
+# Stripes of lines further apart are not seen apart.
+Spacing = Annotated[float, Field(gt=0.0, le=1000.0), Unit("µm")]
 
 
 @settings(MeshError)
@@ -57,12 +61,36 @@ class Grating:
     def __post_init__(self) -> None:
         if self.across is not None and not any(self.across):
             raise MeshError.refused("across", self.across, "give a direction", "range")
+        for key in ("spacing_um", "cross_um"):
+            spacing = getattr(self, key)
+            if spacing is not None and 2e3 * spacing < _VISIBLE_NM:
+                raise MeshError(
+                    f"lines {spacing:g} µm apart are finer than half of any wavelength that is "
+                    "seen: they have no orders",
+                    f"give {_VISIBLE_NM / 2e3:g} or more, or leave the grating out",
+                    code="range",
+                    field=key,
+                    given=spacing,
+                )
 
     def placed(self, unit_mm: float, rotation: Array, move_mm: Array) -> Grating:
         """Return the grating of a mesh that is scaled, turned and moved."""
         centre = tuple(np.array(self.centre) * unit_mm @ rotation.T + move_mm)
         across = None if self.across is None else tuple(np.array(self.across) @ rotation.T)
         return replace(self, centre=centre, across=across)
+
+    def spectra(self, grid: SpectralGrid) -> Array:
+        """Return (R, N) reflectances that the eye may see, the highest band of each 1.
+
+        They are taken along the orders of either set of lines, and between them.
+        """
+        flat = replace(self, across=(1.0, 0.0, 0.0))
+        s = np.linspace(0.0, 2.0, _PLACES)
+        turns = [0.0] if self.cross_um is None else np.radians([0.0, 20.0, 45.0, 70.0, 90.0])
+        q = np.concatenate([s[:, None] * (np.cos(a), np.sin(a), 0.0) for a in turns])
+        normals = np.tile((0.0, 0.0, 1.0), (len(q), 1))
+        _, reflected = flat.reflectance(grid, normals, normals, q)
+        return reflected / reflected.max(axis=1, keepdims=True)
 
     def frames(self, points_mm: Array, normals: Array) -> tuple[Array, Array]:
         """Return unit vectors (K, 3) of a surface, across and along its lines; 0 without lines."""

@@ -132,6 +132,11 @@ class SurfaceCaster(Protocol):
         return ""
 
     @property
+    def approximated(self) -> str:
+        """Return what their basis stores only approximately, in words; empty if nothing."""
+        return ""
+
+    @property
     def materials(self) -> Sequence[str]:
         """Return the names of the surfaces' materials; empty if they have none of a basis'."""
         return ()

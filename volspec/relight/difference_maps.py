@@ -31,7 +31,7 @@ from volspec.basis import (
     visible_white,
 )
 from volspec.errors import ShapeError, ViewingError
-from volspec.image import CoefficientImage
+from volspec.image import APPROXIMATED, CoefficientImage
 from volspec.relight.illumination import Illumination
 from volspec.relight.opacity_error import opacity_deviation, with_neighbours
 from volspec.relight.spec import LightRig, RelightSpec
@@ -208,6 +208,14 @@ def error_map(
     if against == "cast":
         return _estimate_error(image, spec, light, every, opacities or {}, difference)
     image = image if opacities is None else image.recompose(opacities)
+    if against is None and APPROXIMATED in image.notes:
+        raise ViewingError(
+            f"basis {image.basis.name!r} holds {image.notes[APPROXIMATED]} only approximately, so "
+            "the picture's errors are unknown",
+            "cast it with [basis] method = 'bands', or compare with the exact light matrix",
+            code="unsupported",
+            field="error map",
+        )
     full = None if against == "exact" else full_band_basis(image)
     if full is None and against == "bands":
         raise ViewingError(

@@ -170,6 +170,7 @@ class Scene:
                     choice = replace(choice, reason=reason)
             self.basis, self.basis_reason = choice.basis, choice.reason
         names.warn_of_palette_grids(grid, self.materials)
+        names.warn_of_gratings(self.basis, spectra)
         if not isinstance(self.basis, MaterialBasis):
             with names.in_field("basis"):
                 require_reflective(self.materials, self.basis.name)

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models import cielab, delta_E_2000
-from volspec.basis import Basis, load_basis, visible_white
+from volspec.basis import Basis, SpectralBasis, load_basis, visible_white
 from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning, VolumeError
 from volspec.raycast import RaycastSpec
-from volspec.scene.basis import MAX_ERROR, SceneSpectra, grid_of, use_of
+from volspec.scene.basis import MAX_ERROR, SceneSpectra, grating_error, grid_of, use_of
 from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.tables.lights import NamedLight, named_light, rows_by_name
@@ -163,6 +163,18 @@ class Resolver:
                     stacklevel=4,
                 )
 
+    def warn_of_gratings(self, basis: Basis, spectra: SceneSpectra) -> None:
+        """Warn if stripes of gratings differ visibly from those in all bands."""
+        if spectra.gratings and isinstance(basis, SpectralBasis):
+            error = grating_error(basis, spectra, self.file.viewing.mode, spectra.lights)
+            if not error.acceptable:
+                warnings.warn(
+                    f"{self.path}: basis {basis.name!r} changes colours by {error}; give [basis] "
+                    'method = "bands"',
+                    VolspecWarning,
+                    stacklevel=4,
+                )
+
     def _colour_change(
         self, native: SpectralGrid, grid: SpectralGrid, materials: Mapping[str, Spectrum]
     ) -> tuple[float, str]:
@@ -297,7 +309,16 @@ class Resolver:
             self._mesh_colours(materials),
             room.paints if room is not None and walls else {},
             [light for light, _, group in shone if group in walls],
+            self._gratings(next(iter(materials.values())).grid),
         )
+
+    def _gratings(self, grid: SpectralGrid) -> dict[str, NDArray[np.float64]]:
+        """Return reflectances of the gratings of meshes that are shown, by the mesh's name."""
+        return {
+            row.name: row.grating.spectra(grid)
+            for row in self.file.mesh
+            if row.grating is not None and row.shown
+        }
 
     def _mesh_colours(self, materials: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
         """Return reflectances of colours all over sRGB, if meshes have some; else nothing."""

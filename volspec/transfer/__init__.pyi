@@ -30,6 +30,7 @@ from .regions import Region as Region, TransferFunction2D as TransferFunction2D
 from .table import (
     MAX_CHANNELS as MAX_CHANNELS,
     MAX_LABEL as MAX_LABEL,
+    MAX_MATERIALS as MAX_MATERIALS,
     MAX_SURFACES as MAX_SURFACES,
     NEAREST_POSITIONS as NEAREST_POSITIONS,
     SurfaceTable as SurfaceTable,

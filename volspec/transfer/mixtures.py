@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning, nearest
 from volspec.spectra import Spectrum
-from volspec.transfer.table import MAX_CHANNELS
+from volspec.transfer.table import MAX_CHANNELS, MAX_MATERIALS
 
 Mix = str | Mapping[str, float]
 # (value, opacity, material or mix): a point of a curve, or a surface.
@@ -42,12 +42,12 @@ def check_materials(who: str, materials: Mapping[str, Spectrum], basis: Basis) -
             "expected a SpectralBasis, such as SpectralBasis.load('general-7'), or a MaterialBasis",
             "type",
         )
-    if basis.size > MAX_CHANNELS:
-        problem = f"{basis.size} channels"
-        if isinstance(basis, MaterialBasis):
-            problem = f"{len(basis.materials)} materials and white need {problem}"
+    of_materials = isinstance(basis, MaterialBasis)
+    most = MAX_MATERIALS if of_materials else MAX_CHANNELS
+    if basis.size - of_materials > most:
+        problem = f"{basis.size - of_materials} {'materials' if of_materials else 'channels'}"
         raise TransferError(
-            f"{problem}, at most {MAX_CHANNELS} can be cast",
+            f"{problem}, at most {most} can be cast",
             "use a SpectralBasis with fewer channels",
             code="size",
             field=f"{who}.basis",

@@ -32,7 +32,7 @@ from volspec.transfer.table import TransferTable, power_of_two
 _WHO = "TransferFunction2D"
 # Entries over values and rows over gradients.
 _SIZES, _ROWS = (256, 2048), (64, 256)
-# Least gradient above 0 that the kernel's float32 tells from 0.
+# Least gradient above 0 that is not 0 in the kernel's float32.
 _MIN_GRADIENT = float(np.finfo(np.float32).tiny)
 
 

@@ -30,8 +30,10 @@ from volspec.errors import ShapeError, TransferError
 Rows = NDArray[np.float32]
 Array = NDArray[np.float64]
 
-# Limits of the kernels' tables and image headers.
-MAX_CHANNELS = 32
+# Limits of the kernels' tables and image headers. Rays sum weights of materials; channels are made
+# of them at the end of a ray, so that many cost memory alone.
+MAX_CHANNELS = 128
+MAX_MATERIALS = 31
 MAX_SURFACES = 8
 MAX_LABEL = 65535
 # Least transmittance of a step; otherwise the extinction of an opaque entry would be infinite.

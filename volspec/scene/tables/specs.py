@@ -190,17 +190,19 @@ class BasisSpec:
     """``[basis]``: a shipped basis, one trained on the scene's own spectra, or its materials.
 
     An empty table uses ``general-7`` if that reproduces the scene's colours, else trains a basis.
-    ``method = "materials"`` makes the materials the channels: exact under any light.
+    Scenes with gratings get the bands. ``method = "materials"`` makes the materials the channels,
+    ``"bands"`` the bands: both are exact under any light.
     """
 
     name: str | None = None
     """A shipped basis, or FILE.json; excludes all other keys."""
     train: Literal["scene"] | None = None
     """Always train for the scene."""
-    method: Literal["virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials"] = (
-        "virtual-sensors"
-    )
-    """Fitting method; with materials, the materials are the channels, exact under any light."""
+    method: Literal[
+        "virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials", "bands"
+    ] = "virtual-sensors"
+    """Fitting method; with materials, the materials are the channels, with bands, the grid's bands:
+    both are exact under any light."""
     size: Annotated[int, Field(ge=3, le=16)] = 7
     """Number of channels."""
     positive: bool = False
@@ -219,8 +221,9 @@ class BasisSpec:
             problem = f"a shipped basis, with {' and '.join(other_keys)}"
             raise fault("name", problem, "give one of them")
         fitted = sorted({"size", "positive", "train"} & set(table))
-        if table.get("method") == "materials" and fitted:
-            problem = '"materials" makes each material a channel, with nothing to fit'
+        one = {"materials": "material", "bands": "band"}.get(table.get("method", ""))
+        if one is not None and fitted:
+            problem = f'"{table["method"]}" makes each {one} a channel, with nothing to fit'
             raise fault("method", problem, f"leave out {' and '.join(fitted)}")
         return table
 

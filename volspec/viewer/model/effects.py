@@ -14,7 +14,7 @@ from volspec.errors import PaletteError
 from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.spectra import light
-from volspec.transfer import MAX_CHANNELS
+from volspec.transfer import MAX_MATERIALS
 from volspec.viewer.model import lights, palette_results, palette_table
 from volspec.viewer.model.edit import edit
 from volspec.viewer.model.light_rows import MAX_ROWS, LightRow, Rows, only_row, unused_name
@@ -67,7 +67,7 @@ def find_difference(state: ViewState) -> DiscriminatingLight | Redesigned:
     """
     if not can_be_exact(state.transfer):
         raise PaletteError(
-            f"A difference needs materials as channels: at most {MAX_CHANNELS - 1}, none with a "
+            f"A difference needs materials as channels: at most {MAX_MATERIALS}, none with a "
             "filter; remove the others in the scene file",
             code="unsupported",
         )

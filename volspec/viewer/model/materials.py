@@ -20,7 +20,7 @@ from volspec.errors import SpectrumError, TransferError, quote
 from volspec.scene.tables import MeshSpec
 from volspec.spectra import Observer, SpectralGrid, Spectrum, reflectance, reflectance_from_colour
 from volspec.transfer import (
-    MAX_CHANNELS,
+    MAX_MATERIALS,
     Isosurfaces,
     LabelFunction,
     Transfer,
@@ -34,8 +34,6 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts, with_mix
 
 Value = TypeVar("Value")
-# One channel is for white.
-MAX_MATERIALS = MAX_CHANNELS - 1
 # Names of parts, and how many of them a message lists.
 _PARTS: dict[type, str] = {
     TransferFunction: "point",
@@ -265,9 +263,14 @@ def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
 
 
 def can_be_exact(transfer: Transfer) -> bool:
-    """Return True if materials can be the channels: they are few enough, and none has a filter."""
+    """Return True if materials can be the channels.
+
+    They are few enough, none has a filter, and the bands are not the channels, which are as exact
+    and hold what gratings diffract, too.
+    """
     filtered = isinstance(transfer, TransferFunction) and bool(transfer.filters)
-    return not filtered and len(transfer.materials) < MAX_CHANNELS
+    few = len(transfer.materials) <= MAX_MATERIALS
+    return few and not filtered and transfer.basis.method != "bands"
 
 
 def with_material_basis(transfer: Transfer) -> Transfer:

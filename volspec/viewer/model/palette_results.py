@@ -18,7 +18,7 @@ from volspec.scene import Scene, SceneFile
 from volspec.scene.tables import TransferSpec
 from volspec.settings import read_table
 from volspec.spectra import Spectrum, light_names
-from volspec.transfer import MAX_CHANNELS
+from volspec.transfer import MAX_MATERIALS
 from volspec.viewer.model import palette_table
 from volspec.viewer.model.light_rows import MAX_ROWS
 from volspec.viewer.model.materials import (
@@ -55,7 +55,7 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
     if not can_be_exact(state.transfer):
         raise PaletteError(
             "wizards need materials as channels: at most "
-            f"{MAX_CHANNELS - 1}, and none with a filter; remove the others in the scene file",
+            f"{MAX_MATERIALS}, and none with a filter; remove the others in the scene file",
             code="unsupported",
         )
     scene, pick = wizard_scene(state), state.interface.pick
