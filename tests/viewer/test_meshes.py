@@ -65,13 +65,13 @@ def read(path: Path) -> ViewState:
 def test_edits_change_the_picture_and_are_undone(opened):
     first = frame_of(opened)
     edits = (
-        meshes.set_shown(opened, 0, False),
+        meshes.set_mesh(opened, "shown", False, 0),
         meshes.set_material(opened, 0, "bone"),
-        meshes.set_opacity(opened, 0, 0.3),
+        meshes.set_mesh(opened, "opacity", 0.3, 0),
         meshes.remove(opened, 0),
-        meshes.move(opened, 0, 2, 8.0),
-        meshes.turn(opened, 0, 1, 90.0),
-        meshes.scale(opened, 0, 1.5),
+        meshes.set_mesh(opened, "move_mm", (5.5, 0.0, 8.0), 0),
+        meshes.set_mesh(opened, "turn_deg", (0.0, 90.0, 0.0), 0),
+        meshes.set_mesh(opened, "unit_mm", 1.5, 0),
     )
     pictures = [*map(frame_of, edits)]
     assert all(np.abs(picture - first).max() > 20 for picture in pictures)
@@ -84,21 +84,26 @@ def test_edits_change_the_picture_and_are_undone(opened):
 @pytest.mark.slow
 def test_the_file_is_read_once(opened, tmp_path):
     (tmp_path / "parts" / "pin.stl").unlink()
-    hidden = meshes.set_shown(opened, 0, False)
+    hidden = meshes.set_mesh(opened, "shown", False, 0)
     frame_of(hidden)
-    np.testing.assert_array_equal(frame_of(meshes.set_shown(hidden, 0, True)), frame_of(opened))
+    np.testing.assert_array_equal(
+        frame_of(meshes.set_mesh(hidden, "shown", True, 0)), frame_of(opened)
+    )
     assert np.abs(frame_of(meshes.set_material(opened, 0, "bone")) - frame_of(opened)).max() > 20
 
 
 @pytest.mark.slow
 def test_other_looks_use_what_is_known_of_a_surface(opened):
     """Pictures are those of a scene that begins with them."""
+    moved = meshes.set_mesh(opened, "move_mm", (5.0, 0.0, 0.0), 1)
+    placed = meshes.set_mesh(moved, "turn_deg", (0.0, 0.0, 400.0), 1)
+    assert placed.meshes[1].turn_deg == (0.0, 0.0, 40.0)
     for change in (
-        meshes.set_opacity(opened, 0, 0.5),
-        meshes.set_opacity(opened, 0, 0.4),
+        meshes.set_mesh(opened, "opacity", 0.5, 0),
+        meshes.set_mesh(opened, "opacity", 0.4, 0),
         meshes.set_material(opened, 0, "bone"),
-        meshes.set_shown(opened, 1, False),
-        meshes.scale(meshes.turn(meshes.move(opened, 1, 0, 5.0), 1, 2, 400.0), 1, 4.0),
+        meshes.set_mesh(opened, "shown", False, 1),
+        meshes.set_mesh(placed, "size_mm", 4.0, 1),
         opened,
     ):
         cache = MeshCache(Path(opened.document.folder))
@@ -108,7 +113,8 @@ def test_other_looks_use_what_is_known_of_a_surface(opened):
 
 @pytest.mark.slow
 def test_a_saved_scene_and_a_session_keep_the_list(opened, tmp_path):
-    new = meshes.set_shown(meshes.set_opacity(opened, 0, np.float32(0.3).item()), 1, False)
+    new = meshes.set_mesh(opened, "opacity", np.float32(0.3).item(), 0)
+    new = meshes.set_mesh(new, "shown", False, 1)
     path = export_scene(new, tmp_path / "sub.toml")
     text = path.read_text(encoding="utf-8")
     for line in ('file = "parts/pin.stl"  # it is in front', "opacity = 0.3\n", "shown = false"):

@@ -232,7 +232,7 @@ def test_masks_stay_through_edits_of_other_things(tmp_path):
     state = read_scene(path)
     before = fields.shown_transfer(state).masks[""]
     edited = transfer_edits.move_point(state, 1, 0.8, 0.7)
-    edited = camera.orbit(fields.set_weight(edited, 0, 0.5), 0.2, 0.1)
+    edited = camera.orbit(fields.set_look(edited, "weight", 0.5, 0), 0.2, 0.1)
     again = assert_same_picture(edited, tmp_path)
     after = fields.shown_transfer(again).masks[""]
     assert again.fields[0].weight == 0.5

@@ -149,7 +149,9 @@ class FieldLook:
     name: str
     transfer: Transfer
     weight: float = 1.0
+    """Factor of this field's density."""
     shown: bool = True
+    """Show this field."""
     mask: Mask | None = None
 
 

@@ -94,19 +94,48 @@ def _is_finite(value: object) -> bool:
     return not isinstance(value, float) or math.isfinite(value)
 
 
-def with_field(spec: Spec, name: str, value: Any) -> Spec:
-    """Return settings with another value of a field, a number as near as its range allows.
+def with_values(state: ViewState, **changes: Any) -> ViewState:
+    """Change fields of a state, which is the same object if they are."""
+    same = all(getattr(state, name) is value for name, value in changes.items())
+    return state if same else replace(state, **changes)
 
-    They are the same object if nothing changes, or if there is no such field. Raises their error
-    if the value is refused.
+
+def with_field(
+    spec: Spec, name: str, value: Any, limits: tuple[float, float] | None = None
+) -> Spec:
+    """Return settings with another value of a field, numbers as near as its range allows.
+
+    The range may be given by ``limits``. They are the same object if nothing changes, or if there
+    is no such field. Raises their error if the value is refused.
     """
     cls: Any = type(spec)
     hint = hints(cls).get(name)
     if hint is None:
         return spec
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        value = clamp(value, *number_limits(hint))
+    value = _within(value, *(limits or number_limits(hint)))
     return spec if getattr(spec, name) == value else replace(spec, **{name: value})  # type: ignore[type-var]  # a dataclass
+
+
+def _within(value: Any, low: float, high: float) -> Any:
+    """Return a number, or those in a tuple, as near as a range allows."""
+    if isinstance(value, tuple):
+        return tuple(_within(number, low, high) for number in value)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return clamp(value, low, high) if is_number else value
+
+
+def with_row_field(
+    rows: tuple[Spec, ...],
+    index: int,
+    name: str,
+    value: Any,
+    limits: tuple[float, float] | None = None,
+) -> tuple[Spec, ...]:
+    """Return rows with a field of one of them set as by `with_field`."""
+    if not 0 <= index < len(rows):
+        return rows
+    row = with_field(rows[index], name, value, limits)
+    return rows if row is rows[index] else (*rows[:index], row, *rows[index + 1 :])
 
 
 @dataclass(frozen=True, slots=True)

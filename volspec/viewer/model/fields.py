@@ -12,12 +12,17 @@ from typing import Any
 from volspec.errors import TransferError, VolspecError, one_line
 from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfers
 from volspec.viewer.model.document import FieldData, FieldLook
-from volspec.viewer.model.edit import Edited, edit, with_interface
+from volspec.viewer.model.edit import (
+    Edited,
+    edit,
+    with_interface,
+    with_row_field,
+    with_values,
+)
 from volspec.viewer.model.materials import other_functions, with_materials
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import clamp
 
-MAX_WEIGHT = 10.0
+WEIGHTS = 0.0, 10.0
 
 
 def all_fields(state: ViewState) -> list[FieldLook]:
@@ -113,15 +118,9 @@ def choose(state: ViewState, number: int) -> ViewState:
 
 
 @edit
-def set_weight(state: ViewState, number: int, weight: float) -> ViewState:
-    """Set the factor of a field's extinction."""
-    return _change_look(state, number, weight=clamp(weight, 0.0, MAX_WEIGHT))
-
-
-@edit
-def set_shown(state: ViewState, number: int, visible: bool) -> ViewState:
-    """Show or hide a field."""
-    return _change_look(state, number, shown=bool(visible))
+def set_look(state: ViewState, name: str, value: Any, number: int) -> ViewState:
+    """Show or hide a field, or set the factor of its extinction."""
+    return with_values(state, fields=with_row_field(state.fields, number, name, value, WEIGHTS))
 
 
 @edit
@@ -132,20 +131,6 @@ def solo(state: ViewState, number: int) -> ViewState:
     return replace(state, fields=tuple(looks))
 
 
-@edit
-def toggle_adding(state: ViewState) -> ViewState:
-    """Let the light of fields add, as in fluorescence, or let them absorb and hide each other."""
-    return replace(state, shading=replace(state.shading, add_fields=not state.shading.add_fields))
-
-
 def is_alone(state: ViewState, number: int) -> bool:
     """Return True if one field is shown alone."""
     return [i for i, look in enumerate(state.fields) if look.shown] == [number]
-
-
-def _change_look(state: ViewState, number: int, **changes: Any) -> ViewState:
-    if not 0 <= number < len(state.fields):
-        return state
-    looks = list(state.fields)
-    looks[number] = replace(looks[number], **changes)
-    return replace(state, fields=tuple(looks))

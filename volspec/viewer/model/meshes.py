@@ -13,47 +13,47 @@ from typing import Any
 from volspec.basis import SpectralBasis
 from volspec.errors import VolspecError
 from volspec.scene.tables import MeshSpec
-from volspec.viewer.model.edit import Edited, edit, with_interface
+from volspec.viewer.model.edit import Edited, edit, with_interface, with_row_field, with_values
+from volspec.viewer.model.light_rows import with_item
 from volspec.viewer.model.materials import with_materials
 from volspec.viewer.model.paths import relative_path
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import clamp
 
 PANEL = "Meshes"
 NONE = "This scene has no meshes; drop a PLY, OBJ, STL, VTP or glTF file onto the window"
 NO_ROOM = "With the materials of the meshes there would be too many; nothing was changed"
-# A mesh that nobody sees is not shown instead.
-MIN_OPACITY = 0.01
-# Millimetres of a file's unit, and of a shape.
-UNITS_MM = 1e-12, 1e12
-FURTHEST_MM = 1e15
+# Ranges of fields. A mesh that nobody sees is not shown instead.
+_UNITS_MM = 1e-12, 1e12
+LIMITS = {
+    "opacity": (0.01, 1.0),
+    "unit_mm": _UNITS_MM,
+    "size_mm": _UNITS_MM,
+    "move_mm": (-1e15, 1e15),
+}
 
 
 @edit
-def set_shown(state: ViewState, index: int, visible: bool) -> ViewState:
-    """Show or hide a mesh; one that is hidden casts no shadow."""
-    return _change_mesh(state, index, shown=bool(visible))
-
-
-@edit
-def set_cut(state: ViewState, index: int, cut: bool) -> ViewState:
-    """Let the volume's planes and crop cut a mesh, or leave it whole."""
-    return _change_mesh(state, index, cut=bool(cut))
-
-
-@edit
-def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
-    """Set a mesh's opacity."""
-    return _change_mesh(state, index, opacity=clamp(opacity, MIN_OPACITY, 1.0))
+def set_mesh(state: ViewState, name: str, value: Any, index: int) -> ViewState:
+    """Set a field of a mesh: shown, cut, opacity, unit or size, place or turns."""
+    if name == "turn_deg":
+        value = tuple(math.remainder(degrees, 360.0) for degrees in value)
+    rows = with_row_field(state.meshes, index, name, value, LIMITS.get(name))
+    return with_values(state, meshes=rows)
 
 
 @edit
 def set_material(state: ViewState, index: int, name: str) -> ViewState:
     """Make a mesh of one of the scene's materials, instead of its material or texture."""
-    if name not in state.transfer.materials:
+    if name not in state.transfer.materials or not 0 <= index < len(state.meshes):
         return state
-    look = {"material": name, "own_colours": False, "texture": None, "materials": (), "shares": {}}
-    return _change_mesh(state, index, **look)
+    row = replace(
+        state.meshes[index], own_colours=False, texture=None, materials=(), shares={}, material=name
+    )
+    return (
+        state
+        if row == state.meshes[index]
+        else replace(state, meshes=with_item(state.meshes, index, row))
+    )
 
 
 def chosen_mesh(state: ViewState) -> int:
@@ -65,27 +65,6 @@ def chosen_mesh(state: ViewState) -> int:
 def choose(state: ViewState, index: int) -> ViewState:
     """Choose the mesh whose place is shown."""
     return with_interface(state, mesh=max(index, 0))
-
-
-@edit
-def move(state: ViewState, index: int, axis: int, mm: float) -> ViewState:
-    """Move a mesh along an axis of the world to an offset."""
-    return _changed_axis(state, index, "move_mm", axis, clamp(mm, -FURTHEST_MM, FURTHEST_MM))
-
-
-@edit
-def turn(state: ViewState, index: int, axis: int, degrees: float) -> ViewState:
-    """Turn a mesh about an axis."""
-    return _changed_axis(state, index, "turn_deg", axis, math.remainder(degrees, 360.0))
-
-
-@edit
-def scale(state: ViewState, index: int, mm: float) -> ViewState:
-    """Set the unit of a mesh's file, or the size of a shape."""
-    if not 0 <= index < len(state.meshes):
-        return state
-    key = "unit_mm" if state.meshes[index].shape is None else "size_mm"
-    return _change_mesh(state, index, **{key: clamp(mm, *UNITS_MM)})
 
 
 @edit
@@ -146,20 +125,3 @@ def look_text(row: MeshSpec) -> str:
     if row.texture is not None:
         return row.texture.replace("\\", "/").rpartition("/")[2]
     return ", ".join(row.used) or "axes"
-
-
-def _changed_axis(state: ViewState, index: int, key: str, axis: int, value: float) -> ViewState:
-    if not (0 <= index < len(state.meshes) and 0 <= axis < 3):
-        return state
-    values = list(getattr(state.meshes[index], key))
-    values[axis] = value
-    return _change_mesh(state, index, **{key: tuple(values)})
-
-
-def _change_mesh(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change settings of a mesh; an index or a value that changes nothing leaves the state."""
-    if not 0 <= index < len(state.meshes):
-        return state
-    rows = list(state.meshes)
-    rows[index] = replace(rows[index], **changes)
-    return state if rows[index] == state.meshes[index] else replace(state, meshes=tuple(rows))

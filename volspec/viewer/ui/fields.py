@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 from imgui_bundle import imgui
 
-from volspec.raycast import RaycastSpec
 from volspec.viewer.model import fields, transfer_edits, transfer_parts
 from volspec.viewer.model.document import FieldLook
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import (
-    as_one_line,
-    describe_field,
-    lit_button,
-    shorten,
-    text_width,
-)
+from volspec.viewer.ui.form import Form, FormField, draw_field
+from volspec.viewer.ui.quality import CAST
+from volspec.viewer.ui.widgets import as_one_line, lit_button, shorten, text_width
 from volspec.volume import value_form
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
+_ADDS = FormField("add_fields", "Add light", key="add fields")
+_WEIGHT = FormField("weight", "##weight", fields.WEIGHTS, "× %.2f", is_logarithmic=True)
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
@@ -37,10 +37,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         new = _row(new, ui, number, look)
         imgui.pop_id()
     imgui.end_table()
-    flipped, _ = imgui.checkbox("Add light", new.shading.add_fields)
-    ui.note("add fields", describe_field(RaycastSpec, "add_fields"))
-    new = fields.toggle_adding(new) if flipped else new
-    return _limits(new, ui)
+    return _limits(draw_field(new, ui, CAST, _ADDS), ui)
 
 
 def _limits(state: ViewState, ui: UiContext) -> ViewState:
@@ -59,12 +56,10 @@ def _limits(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewState:
-    new, side = state, imgui.get_frame_height()
+    form = Form(lambda state: state.fields[number], partial(fields.set_look, number=number))
+    side = imgui.get_frame_height()
     imgui.table_next_column()
-    changed, visible = imgui.checkbox("##shown", look.shown)
-    ui.note(f"field shown {number}", "Show this field")
-    if changed:
-        new = fields.set_shown(new, number, visible)
+    new = draw_field(state, ui, form, FormField("shown", "##shown", key=f"field shown {number}"))
     imgui.table_next_column()
     alone = fields.is_alone(state, number)
     if lit_button("S", alone, state.interface.dark, (side, side)):
@@ -83,9 +78,4 @@ def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewS
         new = fields.choose(new, number)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
-    flags = imgui.SliderFlags_.logarithmic
-    edited, weight = imgui.slider_float(
-        "##weight", look.weight, 0.0, fields.MAX_WEIGHT, "× %.2f", flags
-    )
-    ui.note(f"field weight {number}", "Factor of this field's density")
-    return fields.set_weight(new, number, weight) if edited else new
+    return draw_field(new, ui, form, replace(_WEIGHT, key=f"field weight {number}"))

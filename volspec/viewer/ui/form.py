@@ -42,6 +42,14 @@ class FormField:
     titles: Mapping[str, str] = field(default_factory=dict)
     """Texts of choices, by value."""
     is_logarithmic: bool = False
+    is_clamped: bool = False
+    """Typed numbers are limited, too."""
+    speed: float = 0.0
+    """Change of a number that is dragged by a pixel, instead of a slider's."""
+    key: str = ""
+    """Name of the widget's rectangle; default: its label."""
+    tip: str = ""
+    """Text of the tooltip, with {} for the field's docstring; default: only that."""
 
 
 def list_fields(cls: Any, *placed: str) -> tuple[FormField, ...]:
@@ -92,7 +100,8 @@ def draw_field(
     else:
         edited = _draw_number(entry, value, hint)
     imgui.end_disabled()
-    ui.note(entry.label.lower(), describe_field(cls, entry.name), greyed=disabled)
+    text = (entry.tip or "{}").replace("{}", describe_field(cls, entry.name))
+    ui.note(entry.key or entry.label.lower(), text, greyed=disabled)
     changed, new = edited
     return form.change(state, entry.name, new) if changed else state
 
@@ -108,12 +117,18 @@ def _draw_choice(entry: FormField, value: Any, words: Collection[str]) -> tuple[
     return picked is not None, None if new == entry.none else new
 
 
-def _draw_number(entry: FormField, value: float | None, hint: Any) -> tuple[bool, float | None]:
-    """Draw a slider or a field for a number; return True and the number if it changed."""
+def _draw_number(entry: FormField, value: Any, hint: Any) -> tuple[bool, Any]:
+    """Draw a slider or a field for a number, or three; return True and it if it changed."""
     if entry.limits is None:
         return imgui.input_int(entry.label, int(value or 0))
     low, high = entry.limits
     flags = imgui.SliderFlags_.logarithmic if entry.is_logarithmic else 0
+    flags |= imgui.SliderFlags_.always_clamp if entry.is_clamped else 0
+    if isinstance(value, tuple):
+        moved, xyz = imgui.drag_float3(entry.label, list(value), entry.speed, low, high, entry.text)
+        return moved, tuple(xyz)
+    if entry.speed:
+        return imgui.drag_float(entry.label, value, entry.speed, low, high, entry.text, flags)
     if isinstance(value, int):
         return imgui.slider_int(entry.label, value, int(low), int(high), entry.text or "%d", flags)
     unit = unit_of(hint)

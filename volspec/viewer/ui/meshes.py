@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 from imgui_bundle import imgui
 
@@ -9,14 +12,29 @@ from volspec.scene.tables import MeshSpec
 from volspec.viewer.model import meshes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.form import Form, FormField, draw_field, draw_fields
 from volspec.viewer.ui.transfer_detail import draw_cross
-from volspec.viewer.ui.widgets import as_one_line, describe_field, pick, shorten, shown_rows
+from volspec.viewer.ui.widgets import as_one_line, pick, shorten, shown_rows
 
 # Lines under the list: the button, a title, unit, place and turn.
 _LINES = 5
 # The list scrolls if it is longer, and there is no room for more.
 _MIN_ROWS = 4
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
+_SHOWN = FormField("shown", "##shown", tip="Show; hidden meshes cast no shadow")
+_XYZ = "x, y, z. {} Double-click to type"
+_LIMITS, _ANY = meshes.LIMITS, (0.0, 0.0)
+_OPACITY = FormField("opacity", "##opacity", _LIMITS["opacity"], is_clamped=True)
+_MOVE = FormField("move_mm", "##move", _LIMITS["move_mm"], "%.5g mm", key="mesh move_mm", tip=_XYZ)
+_TURN = FormField("turn_deg", "##turn", _ANY, "%.4g°", speed=0.5, key="mesh turn_deg", tip=_XYZ)
+_UNIT = FormField("unit_mm", "##unit", _LIMITS["unit_mm"], "1 unit = %.5g mm", key="mesh unit")
+_SIZE = replace(_UNIT, name="size_mm", text="%.5g mm")
+_CUT = FormField("cut", "Cut with the volume", key="mesh cut")
+
+
+def _form(index: int) -> Form:
+    """Return the settings of a mesh."""
+    return Form(lambda state: state.meshes[index], partial(meshes.set_mesh, index=index))
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
@@ -52,40 +70,21 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 def _place(state: ViewState, ui: UiContext) -> ViewState:
     """Draw unit, place and turn of the chosen mesh."""
-    index, new = meshes.chosen_mesh(state), state
+    index = meshes.chosen_mesh(state)
     row = state.meshes[index]
     imgui.separator_text(f"Place of {as_one_line(row.name)}")
-    size, unit = ("unit_mm", "1 unit = %.5g mm") if row.shape is None else ("size_mm", "%.5g mm")
-    now = getattr(row, size)
-    imgui.set_next_item_width(-1)
-    edited, mm = imgui.drag_float("##unit", now, 0.01 * now, *meshes.UNITS_MM, unit)
-    ui.note("mesh unit", describe_field(MeshSpec, size))
-    if edited:
-        new = meshes.scale(new, index, mm)
+    size = _UNIT if row.shape is None else _SIZE
+    size = replace(size, speed=0.01 * getattr(row, size.name))
     step = float(np.ptp(state.document.volume.corners_mm, axis=0).max()) / 500.0
-    for key, change, speed, text in (
-        ("move_mm", meshes.move, step, "%.5g mm"),
-        ("turn_deg", meshes.turn, 0.5, "%.4g°"),
-    ):
-        before = list(getattr(row, key))
-        imgui.set_next_item_width(-1)
-        edited, after = imgui.drag_float3(f"##{key}", before, speed, 0.0, 0.0, text)
-        ui.note(f"mesh {key}", f"x, y, z. {describe_field(MeshSpec, key)} Double-click to type")
-        for axis in range(3):
-            if edited and after[axis] != before[axis]:
-                new = change(new, index, axis, after[axis])
-    changed, cut = imgui.checkbox("Cut with the volume", row.cut)
-    ui.note("mesh cut", describe_field(MeshSpec, "cut"))
-    return meshes.set_cut(new, index, cut) if changed else new
+    imgui.push_item_width(-1)
+    new = draw_fields(state, ui, _form(index), size, replace(_MOVE, speed=step), _TURN, _CUT)
+    imgui.pop_item_width()
+    return new
 
 
 def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewState:
-    new = state
     imgui.table_next_column()
-    changed, visible = imgui.checkbox("##shown", row.shown)
-    ui.note(f"mesh shown {index}", "Show; hidden meshes cast no shadow")
-    if changed:
-        new = meshes.set_shown(new, index, visible)
+    new = draw_field(state, ui, _form(index), replace(_SHOWN, key=f"mesh shown {index}"))
     imgui.table_next_column()
     imgui.align_text_to_frame_padding()
     colour = imgui.Col_.text if row.shown else imgui.Col_.text_disabled
@@ -106,12 +105,7 @@ def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewStat
         new = meshes.set_material(new, index, picked)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
-    clamped = imgui.SliderFlags_.always_clamp
-    low = meshes.MIN_OPACITY
-    edited, opacity = imgui.slider_float("##opacity", row.opacity, low, 1.0, "%.2f", clamped)
-    ui.note(f"mesh opacity {index}", describe_field(MeshSpec, "opacity"))
-    if edited:
-        new = meshes.set_opacity(new, index, opacity)
+    new = draw_field(new, ui, _form(index), replace(_OPACITY, key=f"mesh opacity {index}"))
     imgui.table_next_column()
     if draw_cross(ui):
         new = meshes.remove(new, index)
