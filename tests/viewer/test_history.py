@@ -102,6 +102,7 @@ TEXTS = (
     *("gold", "copper", "silver", "HP1", "sky", "FL2", "A", "maximum", "fast", "#804020", "dim"),
     *("colour", "light", "RGB", "CAM16", "picture", "scene", "dim room", "Display P3", "reduce"),
     *("exposure", "white_cd_m2", "backdrop", "distance", "intensity", "jitter", "opacity"),
+    "rounds",
 )
 # Their panel is open; a light of one spectrum, a curve without regions,
 # labels and opacity by gradient, a lamp, a cell without a target, and no room, measurement, focus,
@@ -113,8 +114,8 @@ _IDLE = (
     *("transfer_edits.add_gradient_point", "transfer_edits.remove_gradient_point"),
     *("opacities.reset", "labels.toggle_label"),
     *("labels.show_only", "palette_edits.set_target_weight", "palette_edits.set_target_group"),
-    *("depth.reset", "depth.set_aperture", "depth.set_stereo", "fields.choose", "fields.solo"),
-    "fields.set_look",
+    *("depth.reset", "depth.set_aperture", "depth.set_stereo"),
+    *("fields.choose", "fields.solo", "fields.set_look"),
     *("palette_edits.set_target_distance", "room.paint", "room.pick", "effects.prepare"),
     *(f"measure.{name}" for name in ("pick", "rename", "remove", "remove_all", "stop")),
 )

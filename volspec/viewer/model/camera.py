@@ -15,8 +15,7 @@ import numpy as np
 
 from volspec.camera import face_normal, radius_mm, side_deg
 from volspec.raycast import framing
-from volspec.viewer.model.cuts import overlay_command
-from volspec.viewer.model.edit import Change, Command, bind, edit
+from volspec.viewer.model.edit import Change, Command, bind, edit, switch
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, orbit_deg, vector
 
@@ -113,10 +112,6 @@ def _turn(right_deg: float, down_deg: float) -> Change:
     return bind(orbit, right_deg / _TURN_DEG, down_deg / _TURN_DEG)
 
 
-def _projection(state: ViewState) -> ViewState:
-    return _with_view(state, orthographic=not state.view.orthographic)
-
-
 def _fit(state: ViewState) -> ViewState:
     width, height = (max(side, 1) for side in state.size)
     volume = state.document.volume
@@ -146,14 +141,9 @@ COMMANDS = (
     _side("Back", "ctrl+1"),
     _side("Left", "ctrl+3"),
     _side("Bottom", "ctrl+7"),
-    Command(
-        "projection",
-        "View",
-        "Orthographic",
-        ("5",),
-        _projection,
-        lambda s: s.view.orthographic,
-        "camera perspective parallel projection",
+    switch(
+        *("view.orthographic", "projection", "View", "Orthographic", ("5",)),
+        words="camera perspective parallel projection",
     ),
     Command("fit", "View", "Fit the visible part", ("f",), _fit, words="camera zoom frame"),
     Command(
@@ -184,8 +174,8 @@ COMMANDS = (
         bind(widen_notches, _KEY_FOV),
         words="camera lens",
     ),
-    overlay_command("cube", "View", "Orientation cube"),
-    overlay_command("scale", "View", "Scale bar", words="ruler size"),
+    switch("interface.overlays.cube", "cube", "View", "Orientation cube"),
+    switch("interface.overlays.scale", "scale", "View", "Scale bar", words="ruler size"),
     # Not in a menu, which would grow too long.
     Command("orbit-left", "", "Orbit to the left", ("left",), _turn(_KEY_DEG, 0.0)),
     Command("orbit-right", "", "Orbit to the right", ("right",), _turn(-_KEY_DEG, 0.0)),

@@ -6,7 +6,6 @@ menus, keys, command palette -> [commands] -> state, or a request to the app
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from operator import attrgetter
 from typing import TypeVar
 
 from volspec.errors import InputError
@@ -27,7 +26,7 @@ from volspec.viewer.model import (
     transfer_edits,
     viewing,
 )
-from volspec.viewer.model.edit import Change, Command, Edited, refusable, with_interface
+from volspec.viewer.model.edit import Command, Edited, refusable, switch, with_interface
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
@@ -141,17 +140,6 @@ _EDITS = (
 )
 
 
-def toggle_interface(name: str) -> Change:
-    """Return an edit that turns a part of the interface on or off."""
-    return lambda state: with_interface(state, **{name: not getattr(state.interface, name)})
-
-
-def _switch(name: str, menu: str, title: str, key: str) -> Command:
-    """Return the command that turns a part of the interface on or off."""
-    is_on = attrgetter(f"interface.{name}")
-    return Command(name.replace("_", "-"), menu, title, (key,), toggle_interface(name), is_on)
-
-
 # Panels in the order of the menu, with other names.
 _PANELS = {
     "Lights": "spectrum illuminant lamp",
@@ -183,12 +171,12 @@ _WINDOW = (
     _panel("Messages", words="errors warnings log"),
     _panel(measure.PANEL, words="annotations notes list"),
     Command("clear-messages", "Window", "Clear the messages"),
-    _switch("dark", "Window", "Dark theme", "t"),
-    _switch("probe", "Window", "Values under the mouse", "i"),
+    switch("interface.dark", "dark", "Window", "Dark theme", ("t",)),
+    switch("interface.probe", "probe", "Window", "Values under the mouse", ("i",)),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),
     Command("focus", "Window", "Next panel by keyboard", ("f6",)),
     Command("menu", "Window", "Menus by keyboard", ("f10",)),
-    _switch("keys", "Window", "Keys", "h"),
+    switch("interface.keys", "keys", "Window", "Keys", ("h",)),
 )
 
 COMMANDS: tuple[Command, ...] = (
@@ -202,7 +190,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("play", "View", "Play the time steps", ("j",), words="time series animate pause"),
     Command("previous-step", "View", "Previous time step", (",",), words="time series frame"),
     *depth.COMMANDS,
-    _switch("error_map", "View", "Error map", "e"),
+    switch("interface.error_map", "error-map", "View", "Error map", ("e",)),
     *measure.COMMANDS,
     *viewing.COMMANDS,
     *lights.COMMANDS,

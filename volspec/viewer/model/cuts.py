@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,16 @@ from volspec.camera import Place, Projection, radius_mm
 from volspec.errors import InputError
 from volspec.raycast import MAX_PLANES, ClipPlane, RaycastSpec, framing
 from volspec.settings import Vector
-from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
+from volspec.viewer.model.edit import (
+    Change,
+    Command,
+    Edited,
+    bind,
+    edit,
+    refusable,
+    switch,
+    with_interface,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, vector
 from volspec.volume import Volume
@@ -332,16 +340,6 @@ def with_overlays(state: ViewState, **changes: Any) -> ViewState:
     return with_interface(state, overlays=replace(state.interface.overlays, **changes))
 
 
-def overlay_command(
-    aid: str, menu: str, title: str, keys: tuple[str, ...] = (), words: str = ""
-) -> Command:
-    """Return the command that shows or hides one of the `Overlays`."""
-    visible = attrgetter(f"interface.overlays.{aid}")
-    return Command(
-        aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not visible(s)}), visible, words
-    )
-
-
 def _add_facing(state: ViewState) -> Edited:
     return add_plane(state, vector(state.view.camera(state.document.volume).frame()[2]))
 
@@ -355,7 +353,7 @@ def _on_chosen_plane(change: Callable[[ViewState, int], ViewState]) -> Change:
 
 
 COMMANDS = (
-    overlay_command("crop", "Cut", "Crop box", ("c",)),
+    switch("interface.overlays.crop", "crop", "Cut", "Crop box", ("c",)),
     Command(
         "reset-crop",
         "Cut",
@@ -371,5 +369,5 @@ COMMANDS = (
     Command("flip-plane", "Cut", "Flip the clip plane", (), _on_chosen_plane(flip_plane)),
     Command("remove-plane", "Cut", "Remove the clip plane", (), _on_chosen_plane(remove_plane)),
     Command("remove-planes", "Cut", "Remove all clip planes", (), bind(_with_cuts, clip_planes=())),
-    overlay_command("planes", "Cut", "Clip planes' handles"),
+    switch("interface.overlays.planes", "planes", "Cut", "Clip planes' handles"),
 )

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
+from operator import attrgetter
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from volspec.errors import VolspecError, one_line
@@ -124,17 +125,11 @@ def _within(value: Any, low: float, high: float) -> Any:
     return clamp(value, low, high) if is_number else value
 
 
-def with_row_field(
-    rows: tuple[Spec, ...],
-    index: int,
-    name: str,
-    value: Any,
-    limits: tuple[float, float] | None = None,
-) -> tuple[Spec, ...]:
-    """Return rows with a field of one of them set as by `with_field`."""
+def with_row_field(rows: tuple[Spec, ...], index: int, *field: Any) -> tuple[Spec, ...]:
+    """Return rows with a field of one set, by its name, value and limits as for `with_field`."""
     if not 0 <= index < len(rows):
         return rows
-    row = with_field(rows[index], name, value, limits)
+    row = with_field(rows[index], *field)
     return rows if row is rows[index] else (*rows[:index], row, *rows[index + 1 :])
 
 
@@ -149,3 +144,18 @@ class Command:
     change: Change | None = None  # None if the app carries it out by its name
     on: Callable[[ViewState], bool] | None = None  # True if menus tick it
     words: str = ""  # other names by which the command palette finds it
+
+
+def switch(
+    path: str, name: str, menu: str, title: str, keys: tuple[str, ...] = (), words: str = ""
+) -> Command:
+    """Return the command that turns a field on or off, such as ``interface.dark`` of the state."""
+
+    def flipped(spec: Any, path: str) -> Any:
+        first, _, others = path.partition(".")
+        now = getattr(spec, first)
+        return replace(spec, **{first: flipped(now, others) if others else not now})
+
+    return Command(
+        name, menu, title, keys, lambda state: flipped(state, path), attrgetter(path), words
+    )

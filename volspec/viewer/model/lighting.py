@@ -20,13 +20,14 @@ from volspec.errors import InputError
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, Source
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
-from volspec.viewer.model.cuts import CutHandle, overlay_command, with_overlays
+from volspec.viewer.model.cuts import CutHandle, with_overlays
 from volspec.viewer.model.edit import (
     Command,
     Edited,
     bind,
     edit,
     refusable,
+    switch,
     with_field,
     with_interface,
 )
@@ -440,5 +441,11 @@ COMMANDS = (
         lambda state: _any_blocked(state, _SKIES),
         "AO ambient shading sky lighting",
     ),
-    overlay_command("lights", "Render", "Handles of lights", words="aim direction move lamp"),
+    switch(
+        "interface.overlays.lights",
+        "lights",
+        "Render",
+        "Handles of lights",
+        words="aim direction move lamp",
+    ),
 )

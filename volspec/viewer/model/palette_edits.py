@@ -16,7 +16,7 @@ from volspec.palette import Cell, parse_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows, palette_targets
-from volspec.viewer.model.edit import Command, Edited, edit, with_interface
+from volspec.viewer.model.edit import Command, Edited, edit, with_field, with_interface
 from volspec.viewer.model.lights import with_last
 from volspec.viewer.model.materials import with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
@@ -191,28 +191,13 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
 
 
 @edit
-def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
-    """Set the smoothness of designed spectra; below the least of `SMOOTHNESS` it is 0."""
-    low, high = palette_targets.SMOOTHNESS
-    return _with_criteria(state, smoothness=0.0 if smoothness < low else min(smoothness, high))
-
-
-@edit
-def set_metric(state: ViewState, name: str) -> ViewState:
-    """Set the colour difference of a design."""
-    return _with_criteria(state, metric=name)
-
-
-@edit
-def set_iterations(state: ViewState, count: float) -> ViewState:
-    """Set the maximum number of iterations of a design."""
-    return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MAX_ITERATIONS)))
-
-
-def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
+def set_criterion(state: ViewState, name: str, value: Any) -> ViewState:
+    """Set a criterion of a design; smoothness below the slider's is 0."""
+    if name == "smoothness" and value < palette_targets.MIN_SMOOTHNESS:
+        value = 0.0
     targets = state.palette.targets
-    criteria = replace(targets.criteria, **changes)
-    if criteria == targets.criteria:
+    criteria = with_field(targets.criteria, name, value, palette_targets.CRITERIA.get(name))
+    if criteria is targets.criteria:
         return state
     return replace(state, palette=state.palette.with_targets(replace(targets, criteria=criteria)))
 

@@ -24,8 +24,8 @@ Member = tuple[str, str]
 STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
-SMOOTHNESS = (1e-4, 1.0)
-MAX_ITERATIONS = 20
+MIN_SMOOTHNESS = 1e-4
+CRITERIA = {"smoothness": (0.0, 1.0), "rounds": (1, 20)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

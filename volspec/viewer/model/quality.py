@@ -13,7 +13,7 @@ from volspec.errors import InputError
 from volspec.image import MAX_MATERIALS
 from volspec.raycast import MAX_STEPS, MODES, Quality, RaycastSpec, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets
-from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_field
+from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, switch, with_field
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -220,14 +220,9 @@ COMMANDS = (
     _quality("fast", "draft speed performance coarse step sampling"),
     _quality("balanced", "standard normal default step sampling"),
     _quality("exact", "high best fine slow step sampling"),
-    Command(
-        "physical-light",
-        "Render",
-        "Physical shadows",
-        (),
-        lambda state: set_cast(state, "physical_light", not state.shading.physical_light),
-        lambda state: state.shading.physical_light,
-        "occlusion light true exact brute force voxels quality",
+    switch(
+        *("shading.physical_light", "physical-light", "Render", "Physical shadows"),
+        words="occlusion light true exact brute force voxels quality",
     ),
     Command(
         "jitter",

@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.camera import AXES, PATIENT, is_patient
-from volspec.viewer.model.cuts import overlay_command, with_overlays
-from volspec.viewer.model.edit import Command, bind, edit, with_interface
+from volspec.viewer.model.cuts import with_overlays
+from volspec.viewer.model.edit import Command, bind, edit, switch, with_interface
 from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.model.view import clamp
 from volspec.volume import Volume
@@ -256,10 +255,6 @@ def set_greys(state: ViewState, black: float, white: float) -> ViewState:
     return with_slices(state, greys=(low, clamp(white, low + _NARROWEST, 1.0)))
 
 
-def _toggle_lit(state: ViewState) -> ViewState:
-    return with_slices(state, lit=not state.interface.slices.lit)
-
-
 def _shows_patient(state: ViewState) -> bool:
     return is_patient(state.document.volume, state.interface.overlays.patient)
 
@@ -275,16 +270,15 @@ _PAGES = (
     ("Coronal", (("forward", "shift+pagedown", -1.0), ("backward", "shift+pageup", 1.0))),
     ("Sagittal", (("right", "ctrl+pagedown", -1.0), ("left", "ctrl+pageup", 1.0))),
 )
-_shows_lit = attrgetter("interface.slices.lit")
 COMMANDS = (
-    Command("slices-lit", "Window", "Slices under the lights", (), _toggle_lit, _shows_lit),
+    switch("interface.slices.lit", "slices-lit", "Window", "Slices under the lights"),
     Command(
         "slices-middle", "Window", "Slices through the middle", (), bind(with_slices, at=_CENTRE)
     ),
     Command(
         "slices-greys", "Window", "Slices' greys by the values", (), bind(with_slices, greys=None)
     ),
-    overlay_command("outlines", "Window", "Slices' outlines in the picture"),
+    switch("interface.overlays.outlines", "outlines", "Window", "Slices' outlines in the picture"),
     Command(
         "patient", "Window", "Directions by the patient's body", (), _toggle_patient, _shows_patient
     ),

@@ -12,17 +12,28 @@ from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
 from volspec.viewer.model.palette_table import PaletteTable
-from volspec.viewer.model.palette_targets import DISTANCES, MAX_ITERATIONS, SMOOTHNESS
+from volspec.viewer.model.palette_targets import CRITERIA, DISTANCES, MIN_SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import transfer_kind
 from volspec.viewer.ui import palette_cells, palette_editor
 from volspec.viewer.ui.context import UiContext, tip
+from volspec.viewer.ui.form import Form, FormField, draw_fields
 from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, pick, wrap_text
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "its surroundings", "black"
 _NO_LIGHT = "none: the light stays as it is"
-_METRICS = dict(zip(("perceptual (CIELAB)", "display codes (RGB)"), METRICS, strict=True))
+_FORM = Form(lambda state: state.palette.targets.criteria, palette_edits.set_criterion)
+_METRICS = dict(zip(METRICS, ("perceptual (CIELAB)", "display codes (RGB)"), strict=True))
+_CRITERIA = (
+    FormField(
+        *("smoothness", "Smooth", (MIN_SMOOTHNESS, CRITERIA["smoothness"][1]), "%.4f"),
+        is_logarithmic=True,
+        tip="Weight of smoothness; a high weight misses target colours",
+    ),
+    FormField("rounds", "Iterations", CRITERIA["rounds"]),
+    FormField("metric", "Compare", titles=_METRICS, key="pick Compare"),
+)
 
 
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
@@ -136,22 +147,9 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _criteria(state: ViewState, ui: UiContext) -> ViewState:
-    criteria, new = state.palette.targets.criteria, state
     imgui.push_item_width(-ui.px(_LABEL))
-    smoothness, log = criteria.smoothness, imgui.SliderFlags_.logarithmic
-    changed, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
-    ui.note("smooth", "Weight of smoothness; a high weight misses target colours")
-    if changed:
-        new = palette_edits.set_smoothness(new, smoothness)
-    changed, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MAX_ITERATIONS)
-    tip("Passes over lights and materials; each linearises the colours again")
-    if changed:
-        new = palette_edits.set_iterations(new, float(rounds))
+    new = draw_fields(state, ui, _FORM, *_CRITERIA)
     imgui.pop_item_width()
-    now = next(words for words, metric in _METRICS.items() if metric == criteria.metric)
-    picked = _combo("Compare", now, _METRICS, ui)
-    if picked is not None:
-        new = palette_edits.set_metric(new, _METRICS[picked])
     wrap_text("Spectra stay above 0, reflectances below 1.", imgui.Col_.text_disabled)
     return new
 

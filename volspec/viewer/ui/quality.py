@@ -15,8 +15,10 @@ from volspec.viewer.ui.form import Form, FormField, draw_field, draw_fields
 from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_button
 
 _LABELS = 104
-_LOG = imgui.SliderFlags_.logarithmic
 CAST = Form(lambda state: state.shading, quality.set_cast)
+_BY_VOXELS = Form(CAST.read, lambda state, _, voxels: quality.set_step(state, voxels))
+_STEP = FormField("step_mm", "Step", quality.STEPS, "%.2f voxels", is_logarithmic=True)
+_PREINTEGRATION = FormField("preintegrated", "Pre-integration")
 _JITTER, _ADAPTIVE = (
     FormField("jitter", "Jitter"),
     FormField("adaptive", "Adaptive", (0.0, 0.2), "%.3f", is_logarithmic=True),
@@ -104,20 +106,10 @@ def _presets(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _sampling(state: ViewState, ui: UiContext) -> ViewState:
-    new = state
-    focus_if_wanted("Step", ui)
-    text = "%.2f voxels" if state.shading.step_mm else "by quality"
-    changed, voxels = imgui.slider_float(
-        "Step", quality.step_voxels(state), *quality.STEPS, text, _LOG
-    )
-    ui.note("step", _about("step_mm"))
-    if changed:
-        new = quality.set_step(new, voxels)
+    step = _STEP if state.shading.step_mm else replace(_STEP, text="by quality")
+    new = draw_field(state, ui, _BY_VOXELS, step, now=quality.step_voxels(state))
     new = draw_field(new, ui, CAST, _JITTER)
-    imgui.begin_disabled(not quality.can_project(state))
-    pressed, _ = imgui.checkbox("Pre-integration", quality.cast_spec(state).preintegrated)
-    imgui.end_disabled()
-    ui.note("pre-integration", _about("preintegrated"), greyed=True)
-    if pressed:
-        new = ui.edited(new, quality.toggle_preintegration)
+    form = Form(CAST.read, lambda old, *_: ui.edited(old, quality.toggle_preintegration))
+    now, no = quality.cast_spec(state).preintegrated, not quality.can_project(state)
+    new = draw_field(new, ui, form, _PREINTEGRATION, now=now, disabled=no)
     return draw_field(new, ui, CAST, _ADAPTIVE)

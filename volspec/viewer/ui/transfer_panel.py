@@ -5,7 +5,8 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import LabelFunction, TransferFunction2D, presets
-from volspec.viewer.model import commands, fields, transfer_convert, transfer_edits
+from volspec.viewer.model import fields, transfer_convert, transfer_edits
+from volspec.viewer.model.edit import with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.transfer_parts import Kind
@@ -68,7 +69,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     if on:
         imgui.push_style_color(imgui.Col_.text, ACCENT[state.interface.dark])
     if imgui.button("log", (ui.px(40), 0)):
-        new = ui.edited(new, commands.toggle_interface("logarithmic"))
+        new = with_interface(new, logarithmic=not on)
     if on:
         imgui.pop_style_color()
     ui.note("log", "Logarithmic histogram")
