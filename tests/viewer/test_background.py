@@ -414,7 +414,8 @@ def test_edits_of_lights_need_no_further_program(state, monkeypatch):
     many, point, sky = (
         lighting.add_source(state, kind).state for kind in ("directional", "point", "ambient")
     )
-    shadowless = lighting.toggle_blocking(many, len(list_sources(many.shading)) - 1)
+    last = len(list_sources(many.shading)) - 1
+    shadowless = lighting.set_source(many, "shadows", False, last)
     for edited in (many, shadowless, sky, point, state):
         (done,) = casts_of(job(edited, 1))
         for by_table in (False, True):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,17 +64,7 @@ def chosen_source(state: ViewState) -> int:
 
 def is_blocked(source: Source) -> bool:
     """Return True if the volume blocks a source's light: shadows, or ambient occlusion."""
-    if isinstance(source, Headlight):
-        return False
-    return source.occlusion if isinstance(source, Ambient) else source.shadows
-
-
-def _with_blocking(source: Source, on: bool) -> Source:
-    if isinstance(source, Headlight):
-        return source
-    if isinstance(source, Ambient):
-        return replace(source, occlusion=on)
-    return replace(source, shadows=on)
+    return any(getattr(source, name, False) for name in ("shadows", "occlusion"))
 
 
 @refusable
@@ -167,16 +156,6 @@ def set_source(state: ViewState, name: str, value: object, index: int) -> ViewSt
 
 
 @edit
-def toggle_blocking(state: ViewState, index: int) -> ViewState:
-    """Turn the shadows of a light source on or off; of a sky, its ambient occlusion."""
-
-    def change(source: Source) -> Source:
-        return _with_blocking(source, not is_blocked(source))
-
-    return _with_source(state, index, change)
-
-
-@edit
 def aim(state: ViewState, index: int, azimuth_deg: float, elevation_deg: float) -> ViewState:
     """Set the direction of a lamp, as `lighting_aim.angles_deg` returns it."""
     azimuth = math.radians(math.fmod(azimuth_deg, 360.0))
@@ -224,7 +203,7 @@ def drag_handle(
     if to is None:
         return state
     name = "towards" if isinstance(source, Directional) else "position_mm"
-    return _change_source(state, handle.index, **{name: vector(to)})
+    return set_source(state, name, vector(to), handle.index)
 
 
 @edit
@@ -374,34 +353,20 @@ def _with_source(state: ViewState, index: int, change: Callable[[Source], Source
     return replace(state, shading=replace(state.shading, groups=groups))
 
 
-def _change_source(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of one source, if it has them."""
-
-    def change(source: Source) -> Source:
-        return replace(source, **changes) if all(hasattr(source, n) for n in changes) else source
-
-    return _with_source(state, index, change)
-
-
-def _toggle_all(state: ViewState, kinds: tuple[type[Source], ...], missing: str) -> Edited:
-    """Turn shadows or occlusion of all sources of some kinds on or off; if none is, add one."""
-    sources = (placed.source for placed in list_sources(state.shading))
-    indices = [i for i, source in enumerate(sources) if isinstance(source, kinds)]
+def _toggle_all(state: ViewState, name: str, missing: str) -> Edited:
+    """Turn shadows or occlusion of all sources that can have it on or off; if none, add one."""
+    sources = [placed.source for placed in list_sources(state.shading)]
+    indices = [index for index, source in enumerate(sources) if hasattr(source, name)]
     if not indices:
         return add_source(state, missing)
-    on = not any(is_blocked(list_sources(state.shading)[i].source) for i in indices)
+    on = not _any_blocked(state, name)
     for index in indices:
-        state = _with_source(state, index, lambda source: _with_blocking(source, on))
+        state = set_source(state, name, on, index)
     return Edited(state)
 
 
-def _any_blocked(state: ViewState, kinds: tuple[type[Source], ...]) -> bool:
-    sources = (placed.source for placed in list_sources(state.shading))
-    return any(is_blocked(source) for source in sources if isinstance(source, kinds))
-
-
-_LAMPS: tuple[type[Source], ...] = (Directional, Point)
-_SKIES: tuple[type[Source], ...] = (Ambient,)
+def _any_blocked(state: ViewState, name: str) -> bool:
+    return any(getattr(placed.source, name, False) for placed in list_sources(state.shading))
 
 
 def _add(name: str, title: str, words: str) -> Command:
@@ -428,8 +393,8 @@ COMMANDS = (
         "Render",
         "Shadows",
         (),
-        lambda state: _toggle_all(state, _LAMPS, "directional light"),
-        lambda state: _any_blocked(state, _LAMPS),
+        lambda state: _toggle_all(state, "shadows", "directional light"),
+        lambda state: _any_blocked(state, "shadows"),
         "cast shadow lighting",
     ),
     Command(
@@ -437,8 +402,8 @@ COMMANDS = (
         "Render",
         "Ambient occlusion",
         (),
-        lambda state: _toggle_all(state, _SKIES, "sky"),
-        lambda state: _any_blocked(state, _SKIES),
+        lambda state: _toggle_all(state, "occlusion", "sky"),
+        lambda state: _any_blocked(state, "occlusion"),
         "AO ambient shading sky lighting",
     ),
     switch(

@@ -13,7 +13,16 @@ from volspec.errors import InputError
 from volspec.image import MAX_MATERIALS
 from volspec.raycast import MAX_STEPS, MODES, Quality, RaycastSpec, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets
-from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, switch, with_field
+from volspec.viewer.model.edit import (
+    Command,
+    Edited,
+    bind,
+    edit,
+    refusable,
+    switch,
+    with_field,
+    with_values,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -96,8 +105,7 @@ def cast_spec(state: ViewState) -> RaycastSpec:
 @edit
 def set_cast(state: ViewState, name: str, value: object) -> ViewState:
     """Set a field of the cast's settings that suits every transfer function."""
-    spec = with_field(state.shading, name, value)
-    return state if spec is state.shading else replace(state, shading=spec)
+    return with_values(state, shading=with_field(state.shading, name, value))
 
 
 @refusable

@@ -12,7 +12,7 @@ from volspec.appearance import PER_PIXEL, Viewing
 from volspec.appearance.display import preset
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
-from volspec.viewer.model.edit import Command, edit, with_field
+from volspec.viewer.model.edit import Command, edit, with_field, with_values
 from volspec.viewer.model.light_rows import facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
@@ -102,8 +102,7 @@ def set_display(state: ViewState, name: str, value: object) -> ViewState:
 @edit
 def set_relight(state: ViewState, name: str, value: object) -> ViewState:
     """Set a field of the settings for making the picture, such as its mode."""
-    spec = with_field(state.relight, name, value)
-    return state if spec is state.relight else replace(state, relight=spec)
+    return with_values(state, relight=with_field(state.relight, name, value))
 
 
 def _with_viewing(state: ViewState, viewing: Viewing) -> ViewState:

@@ -42,8 +42,6 @@ class FormField:
     titles: Mapping[str, str] = field(default_factory=dict)
     """Texts of choices, by value."""
     is_logarithmic: bool = False
-    is_clamped: bool = False
-    """Typed numbers are limited, too."""
     speed: float = 0.0
     """Change of a number that is dragged by a pixel, instead of a slider's."""
     key: str = ""
@@ -123,7 +121,6 @@ def _draw_number(entry: FormField, value: Any, hint: Any) -> tuple[bool, Any]:
         return imgui.input_int(entry.label, int(value or 0))
     low, high = entry.limits
     flags = imgui.SliderFlags_.logarithmic if entry.is_logarithmic else 0
-    flags |= imgui.SliderFlags_.always_clamp if entry.is_clamped else 0
     if isinstance(value, tuple):
         moved, xyz = imgui.drag_float3(entry.label, list(value), entry.speed, low, high, entry.text)
         return moved, tuple(xyz)

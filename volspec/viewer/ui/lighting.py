@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 from imgui_bundle import imgui
 
 from volspec.camera import radius_mm
-from volspec.raycast import Ambient, Directional, Headlight, Point, Source
+from volspec.raycast import Ambient, Directional, Point, Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import lighting, lighting_aim
@@ -39,6 +39,7 @@ _IN_ROOM = (
     "The room lights the volume: its lamps are in Lights, its paints in Room. "
     "Directions and shadows follow from the room."
 )
+_HEADLIGHT = "The camera sees no shadow of a headlight"
 _LOG = imgui.SliderFlags_.logarithmic
 _WEIGHTS = FormField("ambient", "Ambient", (0.0, 2.0)), FormField("diffuse", "Diffuse", (0.0, 2.0))
 _GLOSS = (
@@ -160,23 +161,18 @@ def _source(
         new = lighting.choose_source(new, index)
         new = lighting.set_source(new, "intensity", value, index)
     imgui.same_line()
-    letter = "O" if isinstance(source, Ambient) else "S"
-    imgui.begin_disabled(isinstance(source, Headlight))
-    if lit_button(letter, lighting.is_blocked(source), dark, (side, 0)):
-        new = lighting.toggle_blocking(new, index)
+    name, on = "occlusion" if kind == "sky" else "shadows", lighting.is_blocked(source)
+    imgui.begin_disabled(kind == "headlight")
+    if lit_button(name[0].upper(), on, dark, (side, 0)):
+        new = lighting.set_source(new, name, not on, index)
     imgui.end_disabled()
-    ui.note(f"blocking {index}", _blocking_tip(source), greyed=True)
+    text = _HEADLIGHT if kind == "headlight" else describe_field(type(source), name)
+    ui.note(f"blocking {index}", text, greyed=True)
     imgui.same_line()
     if imgui.button("×", (side, 0)):
         new = ui.edited(new, partial(lighting.remove_source, index=index))
     ui.note(f"remove source {index}")
     return new
-
-
-def _blocking_tip(source: Source) -> str:
-    if isinstance(source, Headlight):
-        return "The camera sees no shadow of a headlight"
-    return describe_field(type(source), "occlusion" if isinstance(source, Ambient) else "shadows")
 
 
 def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:

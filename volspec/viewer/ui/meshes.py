@@ -24,7 +24,7 @@ _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
 _SHOWN = FormField("shown", "##shown", tip="Show; hidden meshes cast no shadow")
 _XYZ = "x, y, z. {} Double-click to type"
 _LIMITS, _ANY = meshes.LIMITS, (0.0, 0.0)
-_OPACITY = FormField("opacity", "##opacity", _LIMITS["opacity"], is_clamped=True)
+_OPACITY = FormField("opacity", "##opacity", _LIMITS["opacity"])
 _MOVE = FormField("move_mm", "##move", _LIMITS["move_mm"], "%.5g mm", key="mesh move_mm", tip=_XYZ)
 _TURN = FormField("turn_deg", "##turn", _ANY, "%.4g°", speed=0.5, key="mesh turn_deg", tip=_XYZ)
 _UNIT = FormField("unit_mm", "##unit", _LIMITS["unit_mm"], "1 unit = %.5g mm", key="mesh unit")
