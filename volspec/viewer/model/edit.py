@@ -17,6 +17,7 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from volspec.errors import VolspecError, one_line
 from volspec.settings import hints, number_limits
+from volspec.viewer.model.light_rows import with_item
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -130,7 +131,7 @@ def with_row_field(rows: tuple[Spec, ...], index: int, *field: Any) -> tuple[Spe
     if not 0 <= index < len(rows):
         return rows
     row = with_field(rows[index], *field)
-    return rows if row is rows[index] else (*rows[:index], row, *rows[index + 1 :])
+    return rows if row is rows[index] else with_item(rows, index, row)
 
 
 @dataclass(frozen=True, slots=True)

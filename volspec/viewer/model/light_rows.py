@@ -275,15 +275,15 @@ def with_item(items: tuple[T, ...], index: int, item: T) -> tuple[T, ...]:
 
 
 def without_item(items: tuple[T, ...], index: int) -> tuple[T, ...]:
-    """Return a tuple without one of its items."""
-    return (*items[:index], *items[index + 1 :])
+    """Return a tuple without one of its items; the same tuple if there is no such item."""
+    return (*items[:index], *items[index + 1 :]) if 0 <= index < len(items) else items
 
 
-def with_changes(rows: Rows, index: int, **changes: Any) -> Rows:
+def with_changes(rows: tuple[T, ...], index: int, **changes: Any) -> tuple[T, ...]:
     """Change fields of a row; do nothing if there is no such row."""
     if not 0 <= index < len(rows):
         return rows
-    return with_item(rows, index, replace(rows[index], **changes))
+    return with_item(rows, index, replace(rows[index], **changes))  # type: ignore[type-var]  # a dataclass
 
 
 def only_row(rows: Rows, index: int) -> Rows:

@@ -15,7 +15,7 @@ from volspec.errors import InputError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
+from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface, with_values
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -171,7 +171,9 @@ def save(state: ViewState) -> ViewState:
 @edit
 def save_over(state: ViewState, index: int) -> ViewState:
     """Overwrite a saved state with the current lights and viewing."""
-    return _change(state, index, lights=state.lights, relight=state.relight)
+    now = {"lights": state.lights, "relight": state.relight}
+    saved = light_rows.with_changes(state.saved_lights, index, **now)
+    return with_values(state, saved_lights=saved)
 
 
 @edit
@@ -180,15 +182,14 @@ def rename(state: ViewState, index: int, name: str) -> ViewState:
     name = " ".join(name.split())
     if not name or any(saved.name == name for saved in state.saved_lights):
         return state
-    return _change(state, index, name=name)
+    saved = light_rows.with_changes(state.saved_lights, index, name=name)
+    return with_values(state, saved_lights=saved)
 
 
 @edit
 def delete(state: ViewState, index: int) -> ViewState:
     """Delete a saved state."""
-    if not 0 <= index < len(state.saved_lights):
-        return state
-    return replace(state, saved_lights=light_rows.without_item(state.saved_lights, index))
+    return with_values(state, saved_lights=light_rows.without_item(state.saved_lights, index))
 
 
 @edit
@@ -207,15 +208,6 @@ def recall(state: ViewState, index: int) -> ViewState:
 def set_fade(state: ViewState, seconds: float) -> ViewState:
     """Set how long fades take, in seconds."""
     return with_interface(state, fade_s=clamp(seconds, 0.0, MAX_SECONDS))
-
-
-def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of a saved state; do nothing if there is no such state."""
-    saved = state.saved_lights
-    if not 0 <= index < len(saved):
-        return state
-    new = replace(saved[index], **changes)
-    return replace(state, saved_lights=light_rows.with_item(saved, index, new))
 
 
 COMMANDS = (

@@ -10,7 +10,8 @@ from dataclasses import replace
 from volspec.errors import InputError
 from volspec.scene.tables import ANGLE, DISTANCE, LABEL, MAX_LETTERS, Annotation
 from volspec.settings import Vector
-from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
+from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface, with_values
+from volspec.viewer.model.light_rows import with_changes, without_item
 from volspec.viewer.model.state import ViewState
 
 MAX_POINTS = 99
@@ -58,26 +59,19 @@ def pick(state: ViewState, point_mm: Vector) -> ViewState:
 @refusable
 def rename(state: ViewState, index: int, text: str) -> ViewState:
     """Set an annotation's text; it keeps its own if the new one is too long, or a label's empty."""
-    if not 0 <= index < len(state.annotations):
-        return state
     text = " ".join(text.split())
     if len(text) > MAX_LETTERS:
         raise InputError(
             f"An annotation has up to {MAX_LETTERS} letters, not {len(text)}; shorten it",
             code="size",
         )
-    renamed = replace(state.annotations[index], text=text)
-    rows = state.annotations
-    return replace(state, annotations=(*rows[:index], renamed, *rows[index + 1 :]))
+    return with_values(state, annotations=with_changes(state.annotations, index, text=text))
 
 
 @edit
 def remove(state: ViewState, index: int) -> ViewState:
     """Remove an annotation."""
-    if not 0 <= index < len(state.annotations):
-        return state
-    rows = state.annotations
-    return replace(state, annotations=(*rows[:index], *rows[index + 1 :]))
+    return with_values(state, annotations=without_item(state.annotations, index))
 
 
 @edit

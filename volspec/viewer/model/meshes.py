@@ -14,7 +14,7 @@ from volspec.basis import SpectralBasis
 from volspec.errors import VolspecError
 from volspec.scene.tables import MeshSpec
 from volspec.viewer.model.edit import Edited, edit, with_interface, with_row_field, with_values
-from volspec.viewer.model.light_rows import with_item
+from volspec.viewer.model.light_rows import with_changes, without_item
 from volspec.viewer.model.materials import with_materials
 from volspec.viewer.model.paths import relative_path
 from volspec.viewer.model.state import ViewState
@@ -44,16 +44,11 @@ def set_mesh(state: ViewState, name: str, value: Any, index: int) -> ViewState:
 @edit
 def set_material(state: ViewState, index: int, name: str) -> ViewState:
     """Make a mesh of one of the scene's materials, instead of its material or texture."""
-    if name not in state.transfer.materials or not 0 <= index < len(state.meshes):
+    if name not in state.transfer.materials:
         return state
-    row = replace(
-        state.meshes[index], own_colours=False, texture=None, materials=(), shares={}, material=name
-    )
-    return (
-        state
-        if row == state.meshes[index]
-        else replace(state, meshes=with_item(state.meshes, index, row))
-    )
+    look = {"material": name, "own_colours": False, "texture": None, "materials": (), "shares": {}}
+    rows = with_changes(state.meshes, index, **look)
+    return state if rows == state.meshes else replace(state, meshes=rows)
 
 
 def chosen_mesh(state: ViewState) -> int:
@@ -70,9 +65,7 @@ def choose(state: ViewState, index: int) -> ViewState:
 @edit
 def remove(state: ViewState, index: int) -> ViewState:
     """Remove a mesh from the scene."""
-    if not 0 <= index < len(state.meshes):
-        return state
-    return replace(state, meshes=state.meshes[:index] + state.meshes[index + 1 :])
+    return with_values(state, meshes=without_item(state.meshes, index))
 
 
 def row_for(state: ViewState, path: str) -> MeshSpec:
