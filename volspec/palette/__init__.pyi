@@ -13,7 +13,6 @@ from .model import (
     Apart as Apart,
     Cell as Cell,
     Criteria as Criteria,
-    METRICS as METRICS,
     Palette as Palette,
     Place as Place,
     Triple as Triple,

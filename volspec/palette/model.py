@@ -38,7 +38,6 @@ Triple = tuple[float, float, float]
 
 KINDS = ("colour", "free", "black", "same", "distinct")
 Metric = Literal["Lab", "RGB"]
-METRICS: tuple[Metric, ...] = get_args(Metric)
 Level = Literal["relative", "absolute"]
 LEVELS: tuple[Level, ...] = get_args(Level)
 _CODES_REMEDY = "give three display codes from 0 to 1"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.palette import METRICS, VISIBLE, apart_text
+from volspec.palette import VISIBLE, apart_text
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
@@ -24,7 +24,7 @@ _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "its surroundings", "black"
 _NO_LIGHT = "none: the light stays as it is"
 _FORM = Form(lambda state: state.palette.targets.criteria, palette_edits.set_criterion)
-_METRICS = dict(zip(METRICS, ("perceptual (CIELAB)", "display codes (RGB)"), strict=True))
+_METRICS = {"Lab": "perceptual (CIELAB)", "RGB": "display codes (RGB)"}
 _CRITERIA = (
     FormField(
         *("smoothness", "Smooth", (MIN_SMOOTHNESS, CRITERIA["smoothness"][1]), "%.4f"),
