@@ -52,6 +52,7 @@ from .raycast import (
     LightGroup as LightGroup,
     Point as Point,
     RaycastSpec as RaycastSpec,
+    Spot as Spot,
 )
 from .raycast.vtk_interop import from_plotter as from_plotter
 from .relight import LightRig as LightRig, RelightSpec as RelightSpec

@@ -214,11 +214,13 @@ def test_a_ball_is_lit_as_its_normals_say_on_any_lattice():
     """
     volume, centre = distances(61, lattice())
     radius, lamp, reach = 14.0, centre + [5, -25, 20], 20.0
+    torch = vs.Spot(tuple(lamp), target_mm=tuple(centre + [2, 0, 1]), cone_deg=22, edge_deg=8)
     groups = (
         vs.LightGroup("lamp", (vs.Point(tuple(lamp), falloff_mm=reach),)),
         vs.LightGroup("sun", (vs.Directional((1, -2, 0.5)),)),
         vs.LightGroup("camera", (vs.Headlight(0.7),)),
         vs.LightGroup("sky", (vs.Ambient(0.5),)),
+        vs.LightGroup("torch", (torch,)),
     )
     spec = vs.RaycastSpec(
         ambient=0.2, diffuse=0.6, specular=0.3, shininess=9, flat_gradient=0, groups=groups
@@ -245,8 +247,16 @@ def test_a_ball_is_lit_as_its_normals_say_on_any_lattice():
     away = np.linalg.norm(to_lamp, axis=1, keepdims=True)
     sun = np.broadcast_to(np.array([1, -2, 0.5]) / np.linalg.norm([1, -2, 0.5]), way.shape)
     lamplight, sky = shed(to_lamp / away) * (reach / away[:, 0]) ** 2, 0.5 * 0.2 * 0.8
-    expected = np.stack([lamplight, shed(sun), 0.7 * shed(-way), np.full(len(way), sky)], axis=1)
-    assert np.abs(coefficients.reshape(-1, 4) - expected)[hit].max() < 0.01
+    aim = centre + [2, 0, 1] - lamp
+    cosine = -(to_lamp / away) @ (aim / np.linalg.norm(aim))
+    rim, whole = np.cos(np.radians([22, 14]))
+    t = np.clip((cosine - rim) / (whole - rim), 0, 1)
+    torchlight = shed(to_lamp / away) * t * t * (3 - 2 * t)
+    expected = np.stack(
+        [lamplight, shed(sun), 0.7 * shed(-way), np.full(len(way), sky), torchlight], axis=1
+    )
+    off = np.abs(coefficients.reshape(-1, 5) - expected)[hit]
+    assert off.max() < 0.01 and np.ptp(torchlight[hit]) > 0.4
     # Seen at 12.5 of 14 mm the surface leans by 63 degrees: 0.04 mm of radius are 0.09 of depth.
     assert np.abs(depth.ravel() - along)[hit].max() < 0.09
     assert np.array_equal(depth.ravel()[hit], first.ravel()[hit])

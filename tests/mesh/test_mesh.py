@@ -497,3 +497,19 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 def test_what_cannot_be_a_mesh_is_refused(folder, call, error, code):
     with raises(error, code):
         call(folder)
+
+
+def test_a_spot_lights_the_cone_it_is_aimed_at():
+    """On a plane 100 mm below: whole up to tan 10°, dark from tan 15°, a smoothstep between."""
+    torch = vs.Spot((20.0, 0.0, 100.0), target_mm=(20.0, 0.0, 0.0), cone_deg=15, edge_deg=5)
+    spec = vs.RaycastSpec(diffuse=1.0, specular=0.0, groups=(vs.LightGroup("torch", (torch,)),))
+    camera = vs.Camera((0.0, 0.0, 500.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), height_mm=128.0)
+    plane = vs.shape_mesh("plane", 400.0, "white")
+    image = vs.cast_meshes([plane], WHITE, BASIS, camera, (129, 129), spec)
+    x = (np.arange(129) + 0.5) * 128 / 129 - 64 - 20
+    rim, whole = np.cos(np.radians([15, 10]))
+    cosine = 100 / np.hypot(x, 100)
+    t = np.clip((cosine - rim) / (whole - rim), 0, 1)
+    expected = cosine * t * t * (3 - 2 * t)
+    assert np.abs(image.coefficients[64, :, 0] - expected).max() < 1e-3
+    assert np.ptp(expected) > 0.99

@@ -21,7 +21,8 @@ SUN = vs.Directional((1, 0.5, 1), shadows=True)
 METAL_RAMP = metal_function((0.5, 0.2, "copper"), (1.5, 0.9, "gold"))
 KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
 POINTS = vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera")
-LAMP = vs.LightGroup("lamp", POINTS)
+TORCH = vs.Spot((-30, 20, 10), "camera", target_mm=(0, 0, -300), cone_deg=9, falloff_mm=300)
+LAMP = vs.LightGroup("lamp", (*POINTS, TORCH))
 
 
 @pytest.fixture(scope="session")

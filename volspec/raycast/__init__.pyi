@@ -11,6 +11,7 @@ from .lights import (
     MAX_NAME as MAX_NAME,
     Point as Point,
     Source as Source,
+    Spot as Spot,
 )
 from .progressive import Pace as Pace, Pass as Pass, WHOLE as WHOLE
 from .step_search import Quality as Quality, TARGETS as TARGETS

@@ -11,15 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from volspec._checks import Direction, Weight
+from volspec.camera import Camera
 from volspec.errors import InputError, RaycastError
 from volspec.settings import Hint, Positive, Unit, Vector, kind_of, settings
 
 Frame = Literal["world", "camera"]
 # Within this fraction of its falloff distance, a lamp gets no brighter.
 NEAR_LAMP = 0.1
+# Difference of cosines over which the sharpest cone ends.
+_SHARPEST = 1e-4
 MAX_GROUPS = 8
 MAX_SOURCES = 16
 MAX_NAME = 64
@@ -85,13 +89,50 @@ class Point:
     constant if left out. Within a tenth of this distance the light gets no brighter."""
 
 
+@settings(RaycastError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spot(Point):
+    """A nearby light that shines a cone, such as a flashlight."""
+
+    kind: ClassVar = "spot"
+    target_mm: Annotated[Vector, Field(examples=[[0, 0, 0]]), Unit("mm")]
+    """Point that it is aimed at, in the axes of its position."""
+    cone_deg: Annotated[float, Field(gt=0.0, lt=90.0), Unit("degrees")] = 20.0
+    """Angle between the axis and the rim of the cone, beyond which it is dark."""
+    edge_deg: Annotated[float, Field(ge=0.0, lt=90.0), Unit("degrees")] = 4.0
+    """Width of the rim over which its light falls off, inside the cone."""
+
+    def __post_init__(self) -> None:
+        if self.target_mm == self.position_mm:
+            remedy = "aim at another point than its position_mm"
+            raise RaycastError.refused("target_mm", self.target_mm, remedy, "range")
+        if self.edge_deg > self.cone_deg:
+            raise RaycastError.refused(
+                "edge_deg", self.edge_deg, f"give cone_deg ({self.cone_deg:g}) or less", "range"
+            )
+
+    def beam(self, camera: Camera) -> tuple[float, float, float, float]:
+        """Return the plane whose height over unit vectors to the light rises from the cone's rim.
+
+        It is 0 at the rim and 1 where the light is whole, in the world's axes; the light follows
+        it as a smoothstep.
+        """
+        start, end = (camera.place_mm(p, self.frame) for p in (self.position_mm, self.target_mm))
+        axis = (end - start) / np.linalg.norm(end - start)
+        rim, full = np.cos(np.radians([self.cone_deg, self.cone_deg - self.edge_deg]))
+        slope = 1.0 / max(full - rim, _SHARPEST)
+        x, y, z = (-slope * axis).tolist()
+        return x, y, z, float(-slope * rim)
+
+
 Source = Annotated[
     Annotated[Ambient, Tag("<ambient>")]
     | Annotated[Headlight, Tag("<headlight>")]
     | Annotated[Directional, Tag("<directional>")]
-    | Annotated[Point, Tag("<point>")],
+    | Annotated[Point, Tag("<point>")]
+    | Annotated[Spot, Tag("<spot>")],
     Discriminator(kind_of),
-    Hint("Ambient, Headlight, Directional or Point", whole=True),
+    Hint("Ambient, Headlight, Directional, Point or Spot", whole=True),
 ]
 
 
@@ -142,7 +183,7 @@ class LightGroup:
         BeforeValidator(as_tuple),
         Field(strict=False, min_length=1, examples=[[{"kind": "headlight"}]]),
     ]
-    """Light sources: ambient, headlight, directional or point."""
+    """Light sources: ambient, headlight, directional, point or spot."""
 
     def without_shadows(self) -> LightGroup:
         """Return the group without shadows and occlusion."""

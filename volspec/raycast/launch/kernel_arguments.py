@@ -20,7 +20,7 @@ from volspec._gpu import Struct
 from volspec.camera import Camera
 from volspec.errors import CameraError, InputError, RaycastError
 from volspec.raycast.launch.masks import MIXED, MaskLattice
-from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
+from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source, Spot
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm
 from volspec.transfer import (
     NEAREST_POSITIONS,
@@ -98,7 +98,7 @@ MASK: Struct = Struct(
     ),
 )
 # Kinds of sources; shade.clh has these names in capitals.
-KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
+KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3, Spot: 3}
 # Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
 LOG_OPAQUE = -1e30
 # Error of opacities of a step between entries up to which these are taken as linear.
@@ -447,14 +447,16 @@ def source_rows(
     for (group, source), layer in zip(numbered_sources(spec), layers, strict=True):
         falloff = source.falloff_mm if isinstance(source, Point) else None
         alike = isinstance(source, Ambient) or not is_shaded(spec)
-        if alike and layer < 0 and (falloff is None or spec.mode != "composite"):
+        placed = falloff is not None or isinstance(source, Spot)
+        if alike and layer < 0 and not (placed and spec.mode == "composite"):
             weight = spec.ambient if isinstance(source, Ambient) else spec.diffuse
             groups[group, 0] += weight * source.intensity
             continue
-        row = np.zeros((2, 4))
+        row = np.zeros((3, 4))
         row[0, 3] = source.intensity
         row[1, :3] = ((falloff or 0.0) / unit) ** 2, KINDS[type(source)], layer
         row[1, 3] = max(layers) + 1 + layer * split
+        row[2] = source.beam(camera) if isinstance(source, Spot) else (0.0, 0.0, 0.0, 1.0)
         if isinstance(source, Directional):
             row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):

@@ -21,7 +21,7 @@ from volspec.raycast.launch.kernel_arguments import (
     needs_powers,
     numbered_sources,
 )
-from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
+from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source, Spot
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
@@ -360,7 +360,12 @@ def source_at(
     if source.falloff_mm is not None:
         squared = source.falloff_mm**2
         light = light * squared / np.maximum(distance**2, NEAR_LAMP**2 * squared)
-    return towards / np.maximum(distance, TINY)[:, None], light
+    towards = towards / np.maximum(distance, TINY)[:, None]
+    if isinstance(source, Spot):
+        *plane, height = source.beam(camera)
+        inside = np.clip(towards @ plane + height, 0.0, 1.0)
+        light = light * inside**2 * (3.0 - 2.0 * inside)
+    return towards, light
 
 
 def classify(
