@@ -178,7 +178,7 @@ def edit_figures() -> Iterator[Figure]:
     ranges = brick_ranges(scene.volume.values)
     places = [np.arange(1024 // BRICK) * n // (1024 // BRICK) for n in ranges[0].shape]
     low, high = (np.ascontiguousarray(each[np.ix_(*places)]) for each in ranges)
-    alone = in_turn(lambda: brick_codes(low, high, table, RaycastSpec(), 1.0), lambda: None)
+    alone = in_turn(lambda: brick_codes(low, high, [table], RaycastSpec(), 1.0), lambda: None)
     codes_ms = float(np.median(alone.wall[:, 0]))
     yield Figure("edit/codes of 1024³ voxels", codes_ms, ASKED_CODES_MS, at_most=True, unit="ms")
 

@@ -106,7 +106,7 @@ LONG_FUNCTIONS = {  # those with more, whose numbers may only shrink
     "export/page/build.py:page_html": 72,
     "large/conversion.py:convert": 63,
     "pipeline.py:raycast": 62,
-    "raycast/gpu.py:_cast": 109,
+    "raycast/gpu.py:cast": 98,
     "raycast/launch/programs.py:cast_kernel": 63,
     "room/file.py:build_room": 70,
     "scene/tables/export.py:__post_init__": 88,

@@ -397,7 +397,8 @@ def _check_layers(
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
     if not spec.layers:
         return
-    check_layers(spec, table, transfer.basis, [surface.translucent for surface in surfaces])
+    translucent = [surface.translucent for surface in surfaces]
+    checked_table = check_layers(spec, table, transfer.basis, translucent)
     if not isinstance(level, Raycaster):
         refuse_layers(
             spec,
@@ -407,7 +408,7 @@ def _check_layers(
     of_meshes = {name for surface in surfaces for name in surface.materials}
     absent = [
         name
-        for name in materials_without_opacity(table, transfer.basis)
+        for name in materials_without_opacity(checked_table, transfer.basis)
         if spec.opacities.get(name, 1.0) > 0 and name not in of_meshes
     ]
     if absent:
@@ -429,7 +430,6 @@ def _opacity_layers(
     """Return the layers of rows whose materials are a table's, and of surfaces; None without."""
     if rows is None:
         return None
-    assert not isinstance(table, FieldTables)
     columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
     solid = surfaces.solid(slots, cancel) if surfaces.behind else None
     return OpacityLayers.of_rows(rows, columns, table.size - 1, len(spec.groups), slots, solid)

@@ -13,6 +13,7 @@ import volspec as vs
 from tests.support.errors import raises, refuses, warns
 from volspec.errors import CastCancelled, RaycastError
 from volspec.large import Raycaster
+from volspec.raycast.launch.light_volume import LightVolume
 from volspec.raycast.launch.row_batches import Result, RowBatches
 from volspec.spectra import light_set, reflectance_set
 from volspec.volume import Volume, phantom
@@ -101,11 +102,11 @@ def test_an_edit_of_the_transfer_function_is_not_missed(engine):
     assert not np.array_equal(one, other) and np.array_equal(one, again)
 
 
-def test_shadows_are_cached_while_only_the_camera_moves(engine):
+def test_shadows_are_cached_while_only_the_camera_moves(engine, monkeypatch):
     lights = SKY, vs.LightGroup("sun", vs.Directional((1, 1, 2), shadows=True))
     caster, filled = Raycaster(engine), []
-    fill = caster._lights._fill_extinction
-    caster._lights._fill_extinction = lambda *a: (filled.append(a), fill(*a))
+    fill = LightVolume._fill_extinction
+    monkeypatch.setattr(LightVolume, "_fill_extinction", lambda *a: (filled.append(a), fill(*a)))
     for azimuth in (0, 40, 80):
         picture(engine, azimuth_deg=azimuth, groups=lights, light_cells=32, caster=caster)
     assert len(filled) == 1

@@ -38,7 +38,7 @@ from volspec.scene import (
 )
 from volspec.scene.tables import EMPTY, ROOM_LIGHT, ExportSpec, Play, require_lux
 from volspec.settings import try_table
-from volspec.transfer import FieldTables, Transfers, bake_for_volume, check_opacities
+from volspec.transfer import Transfers, bake_for_volume, check_opacities
 from volspec.volume import Series, Volume
 
 # Stem of coefficient images; other frames are named after their light.
@@ -384,10 +384,7 @@ def _require_castable(scene: Scene, volume: Volume, surfaces: Sequence[SurfaceCa
     """Raise SceneError if settings of the cast do not fit what is cast."""
     try:
         tables = bake_for_volume(scene.transfer, volume)
-        if isinstance(tables, FieldTables):
-            FieldCast.of(volume, tables, scene.raycast)
-        else:
-            scene.raycast.naming_fields(volume)
+        FieldCast.of(volume, tables, scene.raycast)
         if scene.raycast.layers:
             translucent = [surface.translucent for surface in surfaces]
             check_layers(scene.raycast, tables, scene.basis, translucent)

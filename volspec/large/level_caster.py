@@ -57,7 +57,7 @@ from volspec.raycast.launch import (
     visible_by_table,
     world_rays,
 )
-from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
+from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers
 from volspec.volume import Volume
 from volspec.volume.levels import COARSE_BYTES, Box, Chunk, Level, common, size_text
 
@@ -355,9 +355,8 @@ class LevelCaster:
         with self.base.locked():
             return self.lights.transmittances(table, spec.for_lattice(self.volume), camera, clear)
 
-    def _voxel_boxes(self, table: Tables) -> Iterator[VoxelBox]:
+    def _voxel_boxes(self, table: Table) -> Iterator[VoxelBox]:
         """Yield the voxels of all parts in which something may be seen, for the light volume."""
-        assert not isinstance(table, FieldTables)
         return self.boxes_of(table, self.light_parts(table))
 
     def boxes_of(self, table: Table, parts: Sequence[VolumePart]) -> Iterator[VoxelBox]:
@@ -397,22 +396,19 @@ def level_for(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
 
 def check_supported(table: Tables, spec: RaycastSpec, volume: Volume) -> Table:
     """Return the table, or raise RaycastError if it cannot be cast part by part."""
-    wrong = None
     if isinstance(table, FieldTables):
-        wrong = "several fields", "show one"
-    elif isinstance(table, TransferTable) and table.filters is not None:
-        wrong = "spectral absorption", "leave out the materials' filters"
+        case, remedy = "several fields", "show one"
+    elif table.filters is not None:
+        case, remedy = "spectral absorption", "leave out the materials' filters"
     elif spec.adaptive > 0:
-        wrong = "adaptive steps", "give adaptive=0"
-    if wrong is not None:
-        case, remedy = wrong
-        raise RaycastError(
-            f"raycast: {volume.name} is larger than memory, and {case} cannot be cast part by part",
-            f"{remedy}, or read a coarser level into memory: ?level=N after its name",
-            code="unsupported",
-        )
-    assert not isinstance(table, FieldTables)
-    return table
+        case, remedy = "adaptive steps", "give adaptive=0"
+    else:
+        return table
+    raise RaycastError(
+        f"raycast: {volume.name} is larger than memory, and {case} cannot be cast part by part",
+        f"{remedy}, or read a coarser level into memory: ?level=N after its name",
+        code="unsupported",
+    )
 
 
 def transparent_value(table: Table, span: tuple[float, float]) -> float:
@@ -463,9 +459,9 @@ class PartPicture:
         frame, compute = caster.volume, caster.base.compute
         program = kernel_arguments.Program.of(table, spec, spec.step_of(frame))
         struct = kernel_arguments.cast_struct(frame, table, camera, size, spec)
-        buffer, numbers = caster.lights.attach(struct, table, spec, camera, clear)
-        arrays = *program.tables, kernel_arguments.source_rows(frame, camera, spec, numbers)
-        inputs = *(compute.upload(np.ascontiguousarray(array)) for array in arrays), buffer
+        sources, light, is_lit = caster.lights.attach(struct, table, spec, camera, clear)
+        tables = map(compute.upload, map(np.ascontiguousarray, program.tables))
+        inputs = *tables, sources, light
         kernel = cast_kernel(
             compute,
             caster.base.packet,
@@ -473,7 +469,7 @@ class PartPicture:
             spec,
             frame.values.dtype,
             missing=frame.missing is not None,
-            is_lit=max(numbers) >= 0,
+            is_lit=is_lit,
             spans=span_mm is not None,
             parts=True,
         )
@@ -521,7 +517,7 @@ class PartPicture:
         """Cast a part behind those before it."""
         part, spec = loaded.part, self.spec
         step_mm = spec.step_of(self.caster.volume)
-        codes = brick_codes(loaded.low, loaded.high, self.table, spec, step_mm)
+        codes = brick_codes(loaded.low, loaded.high, [self.table], spec, step_mm)
         if self.so_far is not None:
             self._project(loaded, codes, cancel)
             self.gaps.extend((gap, part.rect) for gap in loaded.gaps)

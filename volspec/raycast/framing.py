@@ -17,7 +17,7 @@ from volspec.camera import Orbit, radius_mm
 from volspec.raycast.launch.light_volume import extinction_per_mm
 from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers, bake_for_volume
+from volspec.transfer import SurfaceTable, Table, Transfers, bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.levels import step_along
 
@@ -102,15 +102,13 @@ def shown_mm(steps: Iterable[Volume], transfer: Transfers, shading: RaycastSpec)
 def _visible_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> list[Array]:
     """Return (N, 3) points around the visible voxels of each field."""
     tables, shading = bake_for_volume(transfer, volume), shading.naming_fields(volume)
-    if not isinstance(tables, FieldTables):
-        return [_around(volume, [tables], shading.for_field(volume.name))]
     pieces = []
-    for name in tables.tables:
+    for name, rows in tables.by_field(volume.name).items():
         field, mask = volume.by_name[name], tables.masks.get(name)
         same = field.has_lattice_of(volume)
         field_spec = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
         lattice = MaskLattice.of(volume, name, mask) if mask else None
-        pieces.append(_around(field, tables.rows(name), field_spec, lattice))
+        pieces.append(_around(field, rows, field_spec, lattice))
     return pieces
 
 
@@ -126,15 +124,12 @@ def _around(
     """
     volume, values = _sample_voxels(volume)
     k, j, i = steps = tuple(step_along(size) for size in volume.values.shape)
-    if lattice is None:
-        visible, depth_per_mm = _visible_voxels(values, tables[0])
-    else:
-        visible, depth_per_mm = np.zeros(values.shape, bool), np.zeros(values.shape)
-        nearest = lattice.nearest_to_voxels((k, j, i))
-        for row, table in enumerate(tables):
-            mask, depths = _visible_voxels(values, table)
-            visible |= (nearest == row) & mask
-            depth_per_mm += (nearest == row) * depths
+    visible, depth_per_mm = np.zeros(values.shape, bool), np.zeros(values.shape)
+    nearest = 0 if lattice is None else lattice.nearest_to_voxels((k, j, i))
+    for row, table in enumerate(tables):
+        mask, depths = _visible_voxels(values, table)
+        visible |= (nearest == row) & mask
+        depth_per_mm += (nearest == row) * depths
     crop = crop_bounds(shading.for_lattice(volume), volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         positions = np.arange(values.shape[axis]) * steps[axis]

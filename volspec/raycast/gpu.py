@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,7 @@ from volspec._gpu import Compute, Sharing
 from volspec.camera import Camera
 from volspec.errors import OpenCLError, RaycastError, VolspecWarning
 from volspec.raycast.launch import kernel_arguments
-from volspec.raycast.launch.bricks import (
-    brick_codes,
-    brick_ranges,
-    masked_brick_codes,
-)
+from volspec.raycast.launch.bricks import brick_codes, brick_ranges
 from volspec.raycast.launch.fields import FieldCast, add_pictures, common_dtype, frame_around
 from volspec.raycast.launch.kernel_arguments import check_reach
 from volspec.raycast.launch.layer_stream import shadow_slots
@@ -52,12 +48,9 @@ from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
 from volspec.raycast.step_search import SHORTEST, ErrorTarget, Trial, choose_step
 from volspec.transfer import (
     MAX_CHANNELS,
-    FieldTables,
     SurfaceTable,
-    Table,
     Tables,
     Transfers,
-    TransferTable,
     bake_for_volume,
     scale_opacities,
 )
@@ -69,8 +62,6 @@ SURFACE_STEP = 2.0
 # normal numbers of float32. Others are scaled to about 1 on the device.
 EXPONENTS = range(-40, 51)
 
-OneTable = TypeVar("OneTable", bound=Table)
-
 
 def device_scale(volume: Volume) -> float:
     """Return the power of two by which a field's values are multiplied on a device."""
@@ -80,38 +71,13 @@ def device_scale(volume: Volume) -> float:
     return 2.0 ** min(-exponent, 126)
 
 
-def scaled_table(table: Tables, volume: Volume) -> Tables:
-    """Return a volume's table for values as they are on a device; itself if they are unchanged."""
-
-    def scaled(one: OneTable, name: str) -> OneTable:
-        scale = device_scale(volume.by_name[name])
-        if scale == 1.0 or (isinstance(one, TransferTable) and one.labels):
-            return one
-        if isinstance(one, SurfaceTable):
-            return replace(one, values=one.values * scale)
-        assert isinstance(one, TransferTable)
-        low, high = one.domain
-        top = None if one.gradient_top is None else one.gradient_top * scale
-        return replace(one, domain=(low * scale, high * scale), gradient_top=top)
-
-    if not isinstance(table, FieldTables):
-        return scaled(table, volume.name)
-    if all(device_scale(volume.by_name[name]) == 1.0 for name in table.tables):
-        return table
-    masks = {
-        name: replace(mask, rows=tuple(scaled(row, name) for row in mask.rows))
-        for name, mask in table.masks.items()
-    }
-    return FieldTables({name: scaled(one, name) for name, one in table.tables.items()}, masks)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Field:
     """A field's voxels on a device, and the ranges of its bricks."""
 
     volume: Volume
     unpadded: Any
-    voxels: Any  # as cast, in rows of four or more
+    voxels: Any  # as cast, in rows of four or more, once `stored`
     stored_shape: tuple[int, ...]
     low: NDArray[Any]
     high: NDArray[Any]
@@ -130,8 +96,7 @@ class _Field:
         if not compute.info.is_cpu:
             compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
         unpadded = compute.upload(values, share=True)
-        alone = cls(volume, unpadded, unpadded, values.shape, *brick_ranges(values))
-        return alone.stored(compute, values.dtype)
+        return cls(volume, unpadded, unpadded, values.shape, *brick_ranges(values))
 
     def stored(self, compute: Compute, dtype: np.dtype[Any]) -> _Field:
         """Return the field with voxels of a type as they are cast."""
@@ -155,94 +120,86 @@ class _Field:
 class _Masks:
     """Codes of all masks on a device, one lattice after the other."""
 
-    key: tuple[Any, ...]
-    lattices: Mapping[str, MaskLattice]  # by the masked field
-    first: Mapping[str, int]
+    key: tuple[Any, ...]  # equal for equal codes
     codes: Any
+    # By the masked field: structs `MASK`, and the least and greatest rows of bricks.
+    structs: Mapping[str, NDArray[np.void]]
     bricks: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.uint8]]]
 
-    @staticmethod
-    def key_of(table: FieldTables) -> tuple[Any, ...]:
-        """Return what is equal for equal codes."""
-        return tuple((name, *mask.key) for name, mask in table.masks.items())
-
     @classmethod
-    def of(cls, compute: Compute, volume: Volume, table: FieldTables) -> _Masks:
-        """Upload the masks of tables. Raises OpenCLError if there is no room."""
-        lattices = {name: MaskLattice.of(volume, name, m) for name, m in table.masks.items()}
-        codes, first, offset = [], {}, 0
-        for name, lattice in lattices.items():
-            first[name] = offset
-            offset += lattice.rows.size
+    def of(cls, compute: Compute, volume: Volume, table: Tables, last: _Masks | None) -> _Masks:
+        """Upload the masks of tables, unless they are the last. OpenCLError if there is no room."""
+        key = tuple((name, *mask.key) for name, mask in table.masks.items())
+        if last is not None and last.key == key:
+            return last
+        codes, structs, bricks, first = [np.zeros(0, np.uint16)], {}, {}, 0
+        for name, mask in table.masks.items():
+            lattice = MaskLattice.of(volume, name, mask)
             codes.append(lattice.codes().ravel())
-        compute.require(2 * offset, "the masks", "take coarser ones")
-        buffer = compute.upload(np.concatenate(codes), share=True) if codes else None
-        bricks = {name: lattice.brick_ranges() for name, lattice in lattices.items()}
-        return cls(cls.key_of(table), lattices, first, buffer, bricks)
-
-    def struct(self, name: str, curves: int = 0) -> NDArray[np.void]:
-        """Return the struct `MASK` of a field whose own table is ``curves``."""
-        return kernel_arguments.mask_struct(
-            self.lattices.get(name), self.first.get(name, 0), curves
-        )
+            structs[name] = kernel_arguments.mask_struct(lattice, first)
+            bricks[name] = lattice.brick_ranges()
+            first += lattice.rows.size
+        compute.require(2 * first, "the masks", "take coarser ones")
+        buffer = compute.upload(np.concatenate(codes), share=True) if structs else None
+        return cls(key, buffer, structs, bricks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FieldSet:
-    """Fields that are cast together, in voxels of one type, in their tables' order."""
+    """One field, or some that are cast together: in voxels of one type, in their tables' order."""
 
     fields: Mapping[str, _Field]
+    dtype: np.dtype[Any]
     frame: Volume
     lights: LightVolume
     masks: _Masks
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the voxels as cast."""
-        return common_dtype(field.volume for field in self.fields.values())
 
     @property
     def aligned(self) -> bool:
         """True if all fields have the frame's lattice."""
         return all(field.volume.has_lattice_of(self.frame) for field in self.fields.values())
 
-    @property
-    def voxels(self) -> list[Any]:
-        """Buffers of all fields; the first again up to `MAX_FIELDS`."""
-        buffers = [field.voxels for field in self.fields.values()]
-        return buffers + buffers[:1] * (MAX_FIELDS - len(buffers))
-
-    def structs(
+    def arguments(
         self,
-        table: FieldTables,
+        compute: Compute,
         cast: FieldCast,
-        camera: Camera,
-        size: tuple[int, int],
+        view: tuple[Camera, tuple[int, int]],
         frame: NDArray[np.void],
-    ) -> list[NDArray[Any]]:
-        """Return the structs `CAST` of all fields and of the frame, and the fields' places.
+    ) -> tuple[list[Any], list[Any]]:
+        """Return a kernel's first arguments, voxels, and the last, settings.
 
-        Places are as in ``kernels/fields.cl``. With masks, the structs `CURVE` and `MASK` follow.
+        Of one field these are the struct `CAST`, ``frame``; of several as in ``kernels/fields.cl``.
         """
+        voxels = [field.voxels for field in self.fields.values()]
+        tables = cast.several
+        if tables is None:
+            next(iter(self.fields.values())).set_buffers(frame)
+            return voxels, [frame]
         casts = {}
         for name, field in self.fields.items():
             casts[name] = kernel_arguments.cast_struct(
-                *(field.volume, table.tables[name], camera, size, cast.specs[name]), self.frame
+                field.volume, tables.tables[name], *view, cast.specs[name], self.frame
             )
             field.set_buffers(casts[name])
         step_mm = cast.spec.step_of(self.frame)
-        curves, first = kernel_arguments.curve_structs(table, casts, step_mm)
-        field_curves = curves[list(first.values())]
+        curves, first = kernel_arguments.curve_structs(tables, casts, step_mm)
+        field_curves = curves[first]
         sizes = [field.low.size for field in self.fields.values()]
         places = np.zeros((len(sizes), 4), np.int32)
         places[:, 0] = np.cumsum([0, *sizes[:-1]])
         places[:, 1], places[:, 2] = field_curves["opacity"], field_curves["material_weights"]
         places[:, 3] = cast.spec.crop_voxels is not None
         arrays: list[NDArray[Any]] = [np.stack([*casts.values(), frame]), places]
-        if table.masks:
-            masks = [self.masks.struct(name, number) for name, number in first.items()]
-            arrays += curves, np.stack(masks)
-        return arrays
+        codes = []
+        if tables.masks:
+            masks = np.zeros(len(first), kernel_arguments.MASK.dtype)
+            for number, name in enumerate(tables.tables):
+                masks[number] = self.masks.structs.get(name, masks[number])
+            masks["curves"] = first
+            arrays += curves, masks
+            codes = [self.masks.codes]
+        voxels += voxels[:1] * (MAX_FIELDS - len(voxels))
+        return voxels, [*map(compute.upload, arrays), *codes]
 
 
 @dataclass(slots=True, eq=False)
@@ -308,9 +265,9 @@ class VolumeCaster:
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
         self._field = _Field.of(self._compute, volume)
-        # Of fields that were cast together: by name, and as cast.
+        # Of fields that were cast: by name, and the last ones as cast.
         self._uploaded = {volume.name: self._field}
-        self._together: _FieldSet | None = None
+        self._last: _FieldSet | None = None
         self._shared_lock: threading.RLock = like._shared_lock if like else threading.RLock()
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
@@ -320,7 +277,6 @@ class VolumeCaster:
             like._shared if like and volume.is_step_of(like.volume) else _Shared(None)
         )
         self._scaled: tuple[Tables, Tables] | None = None  # the last table, and for the device
-        self._lights = LightVolume(self._compute, self._field.volume, self._field.unpadded)
 
     @property
     def device(self) -> str:
@@ -466,19 +422,91 @@ class VolumeCaster:
         CastCancelled
             If ``cancel`` returned True.
         """
-        spec = spec.for_lattice(self.volume)
-        with self.locked():
-            if spec.add_fields and isinstance(table, FieldTables):
-                tables = table.apart()
-                args = cancel, None, span_mm, clear, layers
-                pictures = [
-                    self._cast(single, camera, size, spec, part_of(progress, n, len(tables)), *args)
-                    for n, single in enumerate(tables)
+        tables = table.split_fields() if spec.add_fields else [table]
+        if len(tables) > 1:
+            args = cancel, None, span_mm, clear, layers
+            return add_pictures(
+                [
+                    self.cast(one, camera, size, spec, part_of(progress, n, len(tables)), *args)
+                    for n, one in enumerate(tables)
                 ]
-                return add_pictures(pictures)
-            return self._cast(
-                *(table, camera, size, spec, progress, cancel, receiver, span_mm, clear, layers)
             )
+        with self.locked():
+            width, height = checked_size(size)
+            spec = spec.for_lattice(self.volume)
+            table = self._on_device(table)
+            self._check_labels(table)
+            check_reach(self.volume, camera, spec)
+            if table.size > MAX_CHANNELS:
+                raise RaycastError(
+                    f"raycast: {table.size} channels",
+                    f"at most {MAX_CHANNELS} can be cast",
+                    code="size",
+                )
+            channels = len(spec.groups) * table.size
+            dtype = np.float16 if spec.half else np.float32
+            picture = f"a picture of {width}x{height} with {channels} channels"
+            remedy = "cast it smaller, with fewer light groups, or with half=True"
+            # The picture, and two bands in progress.
+            floats = 0 if layers is None else layers.shape[2] * layers.shape[3]
+            bands_bytes = min(height, 1024) * (channels + floats) * 4
+            self._compute.require(
+                width
+                * (height * (channels * np.dtype(dtype).itemsize + 12 + 4 * floats) + bands_bytes),
+                picture,
+                remedy,
+            )
+            program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
+            fields, fields_cast = self._place(table, spec)
+            frame, spec = fields_cast.frame, fields_cast.spec
+            first = table.by_field(self.volume.name)[next(iter(fields.fields))][0]
+            struct = kernel_arguments.cast_struct(frame, first, camera, size, spec.for_field(None))
+            slots = [] if layers is None else shadow_slots(spec)
+            split = split_width(table, clear is not None) if slots else 0
+            sources, light, is_lit = fields.lights.attach(struct, table, spec, camera, clear, split)
+            upload = self._compute.upload
+            inputs = *map(upload, map(np.ascontiguousarray, program.tables)), sources, light
+            try:
+                result = Result(
+                    np.empty((height, width, channels), dtype),
+                    *(np.empty((height, width), np.float32) for _ in range(3)),
+                )
+            except MemoryError:
+                raise OpenCLError(
+                    f"raycast: no memory for {picture}", remedy, code="size"
+                ) from None
+            unit = np.float32(min(frame.spacing_mm))
+            limits = np.zeros(2, np.float32) if span_mm is None else span_mm
+            spans = upload(np.divide(limits, unit, dtype=np.float32, order="C"))
+            view = camera, size
+            voxels, settings = fields.arguments(self._compute, fields_cast, view, struct)
+            arguments = *voxels, self._codes(table, spec, fields), *inputs, spans, *settings
+            kernel = cast_kernel(
+                self._compute,
+                self.packet,
+                program,
+                spec,
+                fields.dtype,
+                missing=any(field.volume.missing is not None for field in fields.fields.values()),
+                is_lit=is_lit,
+                spans=span_mm is not None,
+                aligned=fields.aligned and not fields_cast.cut_apart,
+                layers=0 if layers is None else layers.shape[2],
+                slots=slots,
+                split=split,
+                blocked=bool(slots) and clear is not None,
+            )
+            tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
+            with (
+                receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack
+            ):
+                bands = RowBatches(
+                    *(self._compute, result, tile, group, spec.tile_ms, pack), layers=layers
+                )
+                bands.run(kernel, arguments, progress, cancel)
+            result.depth_mm[...] *= unit
+            result.first_mm[...] *= unit
+            return result
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -496,117 +524,6 @@ class VolumeCaster:
             finally:
                 self._casting = False
 
-    def _cast(
-        self,
-        table: Tables,
-        camera: Camera,
-        size: tuple[int, int],
-        spec: RaycastSpec,
-        progress: Progress | None,
-        cancel: Cancel | None,
-        receiver: Receiver | None,
-        span_mm: NDArray[np.float32] | None,
-        clear: Visibility | None,
-        rows: NDArray[np.float32] | None,
-    ) -> Result:
-        width, height = checked_size(size)
-        table = self._on_device(table)
-        self._check_labels(table)
-        check_reach(self.volume, camera, spec)
-        if table.size > MAX_CHANNELS:
-            raise RaycastError(
-                f"raycast: {table.size} channels",
-                f"at most {MAX_CHANNELS} can be cast",
-                code="size",
-            )
-        layers = len(spec.groups) * table.size
-        dtype = np.float16 if spec.half else np.float32
-        picture = f"a picture of {width}x{height} with {layers} channels"
-        remedy = "cast it smaller, with fewer light groups, or with half=True"
-        # The picture, and two bands in progress.
-        floats = 0 if rows is None else rows.shape[2] * rows.shape[3]
-        bands_bytes = min(height, 1024) * (layers + floats) * 4
-        self._compute.require(
-            width * (height * (layers * np.dtype(dtype).itemsize + 12 + 4 * floats) + bands_bytes),
-            picture,
-            remedy,
-        )
-        program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
-        view = camera, size
-        if isinstance(table, FieldTables):
-            together = self._upload_fields(table)
-            several = FieldCast.of(self._field.volume, table, spec, together.frame)
-            frame, spec = several.frame, several.spec
-            first = next(iter(table.tables.values()))
-            struct = kernel_arguments.cast_struct(frame, first, *view, spec.for_field(None))
-        else:
-            spec = spec.naming_fields(self.volume).for_field(self.volume.name)
-            together, several, frame = None, None, self._field.volume
-            struct = kernel_arguments.cast_struct(frame, table, *view, spec)
-            self._field.set_buffers(struct)
-        slots = [] if rows is None else shadow_slots(spec)
-        light, numbers = self._lights_of(table).attach(
-            struct, table, spec, camera, clear, bool(slots)
-        )
-        split = split_width(table, clear is not None) if slots else 0
-        upload = self._compute.upload
-        inputs = [
-            upload(np.ascontiguousarray(array))
-            for array in (
-                *program.tables,
-                kernel_arguments.source_rows(frame, camera, spec, numbers, split),
-            )
-        ]
-        try:
-            result = Result(
-                np.empty((height, width, layers), dtype),
-                *(np.empty((height, width), np.float32) for _ in range(3)),
-            )
-        except MemoryError:
-            raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
-        unit = np.float32(min(frame.spacing_mm))
-        limits = np.zeros(2, np.float32) if span_mm is None else span_mm
-        spans = upload(np.divide(limits, unit, dtype=np.float32, order="C"))
-        is_lit = max(numbers) >= 0
-        arguments: tuple[Any, ...]
-        aligned = True
-        if together is None or several is None:
-            stored, cast_volumes = self.volume.values.dtype, [self.volume]
-            arguments = self._field.voxels, self._codes(table, spec), *inputs, light, spans, struct
-        else:
-            stored, aligned = together.dtype, together.aligned and not several.cut_apart
-            assert isinstance(table, FieldTables)
-            cast_volumes = [field.volume for field in together.fields.values()]
-            structs = map(upload, together.structs(table, several, *view, struct))
-            voxels, codes = together.voxels, self._codes(table, spec)
-            arguments = *voxels, codes, *inputs, light, spans, *structs
-            if table.masks:
-                arguments = *arguments, together.masks.codes
-        kernel = cast_kernel(
-            self._compute,
-            self.packet,
-            program,
-            spec,
-            stored,
-            missing=any(volume.missing is not None for volume in cast_volumes),
-            is_lit=is_lit,
-            spans=span_mm is not None,
-            aligned=aligned,
-            layers=0 if rows is None else rows.shape[2],
-            slots=slots,
-            split=split,
-            blocked=bool(slots) and clear is not None,
-        )
-        tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
-        with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
-            bands = RowBatches(
-                *(self._compute, result, tile, group, spec.tile_ms, pack), layers=rows
-            )
-            bands.run(kernel, arguments, progress, cancel)
-        result.depth_mm[...] *= unit
-        result.first_mm[...] *= unit
-        return result
-
     def transmittances(
         self,
         table: Tables,
@@ -618,37 +535,40 @@ class VolumeCaster:
 
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
-        spec = spec.for_lattice(self.volume)
         with self._lock:
             table = self._on_device(table)
-            lights = self._lights_of(table)
-            if isinstance(table, FieldTables):
-                spec = FieldCast.of(self._field.volume, table, spec, lights.volume).spec
-            else:
-                spec = spec.naming_fields(self.volume).for_field(self.volume.name)
-            return lights.transmittances(table, spec, camera, clear)
+            fields, cast = self._place(table, spec.for_lattice(self.volume))
+            return fields.lights.transmittances(table, cast.spec, camera, clear)
 
     def split_transmittances(
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
     ) -> list[dict[int, Transmittance]]:
         """Return `transmittances` past half of all depths, the whole, and each material's half."""
-        spec = spec.for_lattice(self.volume).naming_fields(self.volume).for_field(self.volume.name)
         with self._lock:
             table = self._on_device(table)
-            return self._lights_of(table).split_transmittances(table, spec, camera, clear)
+            fields, cast = self._place(table, spec.for_lattice(self.volume))
+            return fields.lights.split_transmittances(table, cast.spec, camera, clear)
 
     def _on_device(self, table: Tables) -> Tables:
         """Return a table for values as they are on the device; the last one is cached."""
         if self._scaled is None or self._scaled[0] is not table:
-            self._scaled = table, scaled_table(table, self.volume)
+            scales = {name: device_scale(field) for name, field in self.volume.by_name.items()}
+            scaled = table.changed(
+                lambda one, name: one.for_scaled_values(scales[name]), self.volume.name
+            )
+            self._scaled = table, scaled
         return self._scaled[1]
 
-    def _upload_fields(self, table: FieldTables) -> _FieldSet:
+    def _place(self, table: Tables, spec: RaycastSpec) -> tuple[_FieldSet, FieldCast]:
+        """Return what a table shows, on the device, and its cast."""
+        fields = self._upload_fields(table)
+        return fields, FieldCast.of(self._field.volume, table, spec, fields.frame)
+
+    def _upload_fields(self, table: Tables) -> _FieldSet:
         """Return the fields of tables on the device; the last are cached."""
-        names, present = list(table.tables), self._together
-        key = _Masks.key_of(table)
-        cached = present.masks if present is not None and present.masks.key == key else None
-        if present is None or list(present.fields) != names or cached is None:
+        names, last = list(table.by_field(self.volume.name)), self._last
+        masks = _Masks.of(self._compute, self.volume, table, last.masks if last else None)
+        if last is None or list(last.fields) != names or last.masks is not masks:
             volumes = [self.volume.by_name[name] for name in names]
             for volume in volumes:
                 if volume.name not in self._uploaded:
@@ -656,22 +576,18 @@ class VolumeCaster:
             dtype = common_dtype(volumes)
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
             frame = frame_around(self._field.volume, names)
-            voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
-            masks = cached or _Masks.of(self._compute, self.volume, table)
-            by_field = {name: (masks.codes, masks.struct(name)) for name in masks.lattices}
             lights = LightVolume(
-                self._compute, frame, self._field.unpadded, fields=voxels, masks=by_field
+                self._compute,
+                frame,
+                fields={name: (field.volume, field.unpadded) for name, field in fields.items()},
+                masks={name: (masks.codes, struct) for name, struct in masks.structs.items()},
             )
-            present = self._together = _FieldSet(fields, frame, lights, masks)
-        return present
-
-    def _lights_of(self, table: Tables) -> LightVolume:
-        """Return the light volume of what a table shows."""
-        return self._upload_fields(table).lights if isinstance(table, FieldTables) else self._lights
+            last = self._last = _FieldSet(fields, dtype, frame, lights, masks)
+        return last
 
     def _check_labels(self, table: Tables) -> None:
         values = self.volume.values
-        if not (isinstance(table, TransferTable) and table.labels) or values.dtype.kind != "f":
+        if not table.labels or values.dtype.kind != "f":
             return
         if self._integral is None:
             self._integral = all(bool((plane == np.rint(plane)).all()) for plane in values)
@@ -682,36 +598,16 @@ class VolumeCaster:
                 code="type",
             )
 
-    def _codes(self, table: Tables, spec: RaycastSpec) -> Any:
+    def _codes(self, table: Tables, spec: RaycastSpec, fields: _FieldSet) -> Any:
         """Return the bricks' codes on the device; cached until opacities change."""
         # Opacities of a step matter only to adaptive ones.
-        step = spec.step_of(self.volume) if spec.adaptive > 0 else 0.0
-        key = spec.mode, spec.adaptive, step, *opacity_key(table)
+        step_mm = spec.step_of(self.volume)
+        key = spec.mode, spec.adaptive, step_mm if spec.adaptive > 0 else 0.0, *table.opacity_key
         if self._brick_codes is None or self._brick_codes[0] != key:
-            tables: Mapping[str, Table]
-            tables = table.tables if isinstance(table, FieldTables) else {self.volume.name: table}
-            codes = [self._field_codes(name, one, table, spec) for name, one in tables.items()]
-            together = codes[0] if len(codes) == 1 else np.concatenate([c.ravel() for c in codes])
-            self._brick_codes = key, self._compute.upload(np.ascontiguousarray(together))
+            codes = []
+            for name, tables in table.by_field(self.volume.name).items():
+                field, rows = fields.fields[name], fields.masks.bricks.get(name)
+                of_field = brick_codes(field.low, field.high, tables, spec, step_mm, rows)
+                codes.append(of_field.ravel())
+            self._brick_codes = key, self._compute.upload(np.concatenate(codes))
         return self._brick_codes[1]
-
-    def _field_codes(
-        self, name: str, field_table: Table, tables: Tables, spec: RaycastSpec
-    ) -> NDArray[Any]:
-        """Return a field's codes of bricks."""
-        field = self._uploaded[name]
-        if isinstance(tables, FieldTables) and name in tables.masks:
-            rows = self._upload_fields(tables).masks.bricks[name]
-            return masked_brick_codes(field.low, field.high, rows, tables.rows(name))
-        return brick_codes(field.low, field.high, field_table, spec, spec.step_of(self.volume))
-
-
-def opacity_key(table: Tables) -> tuple[Any, ...]:
-    """Return what is equal for tables of equal opacities, filters apart."""
-    if isinstance(table, FieldTables):
-        keys = tuple(opacity_key(one) for one in table.every)
-        return *table.tables, *keys, *_Masks.key_of(table)
-    if isinstance(table, SurfaceTable):
-        return table.values.tobytes(), table.opacity.tobytes()
-    scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
-    return *scale, table.opacity.tobytes(), table.left_limits.opacity.tobytes()

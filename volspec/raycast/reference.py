@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -79,8 +79,8 @@ from volspec.raycast.launch.sampling import (
 )
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import (
-    FieldTables,
     SurfaceTable,
+    Table,
     Tables,
     TransferTable,
     segment_means,
@@ -114,38 +114,37 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
-    if spec.add_fields and isinstance(table, FieldTables):
+    if spec.add_fields:
         alone, args = replace(spec, add_fields=False), (span_mm, clear)
-        pictures: Any = [cast(volume, one, camera, size, alone, *args) for one in table.apart()]
+        pictures: Any = [
+            cast(volume, one, camera, size, alone, *args) for one in table.split_fields()
+        ]
         return tuple(add_pictures(pictures))  # type: ignore[return-value]  # four again
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> CastRays:
         return _within(make_rays(volume, camera, size, spec), span_mm)
 
-    march: _March
-    if isinstance(table, FieldTables):
-        several = FieldCast.of(volume, table, spec)
-        frame, spec = several.frame, several.spec
-        rays = clipped_rays(frame, spec.for_field(None))
-        arrives = transmittances(frame, table, spec, camera, clear)
-        march = _Fields(frame, table, camera, spec, rays, arrives)
+    fields = FieldCast.of(volume, table, spec)
+    frame, spec = fields.frame, fields.spec
+    kind: type[_March] = _March
+    if fields.several is not None:
+        kind = _Fields
+    elif isinstance(table, SurfaceTable):
+        kind = _Surfaces
+    elif spec.mode != "composite":
+        kind = _Projection
+    elif spec.preintegrated:
+        kind = _Preintegrated
+    elif table.filters is not None:
+        kind = _Filtered
+    arrives = transmittances(frame, table, spec, camera, clear)
+    rays = clipped_rays(frame, spec.for_field(None))
+    march = kind(frame, table, camera, spec, rays, arrives)
+    if isinstance(march, _Fields):
         march.rays_of = {
-            name: march.cropped(clipped_rays(frame.by_name[name], several.specs[name]))
-            for name in table.tables
+            name: march.cropped(clipped_rays(frame.by_name[name], of_field))
+            for name, of_field in fields.specs.items()
         }
-    else:
-        spec = spec.naming_fields(volume).for_field(volume.name)
-        kind: type[_March] = _March
-        if isinstance(table, SurfaceTable):
-            kind = _Surfaces
-        elif spec.mode != "composite":
-            kind = _Projection
-        elif spec.preintegrated:
-            kind = _Preintegrated
-        elif table.filters is not None:
-            kind = _Filtered
-        arrives = transmittances(volume, table, spec, camera, clear)
-        march = kind(volume, table, camera, spec, clipped_rays(volume, spec), arrives)
     march.march()
     return march.picture(size)
 
@@ -201,9 +200,6 @@ class _March:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
         self.cut_rays = rays  # whose cuts the samples lie behind
-        self.sampler: Any = None  # of several fields, each has its own
-        if not isinstance(table, FieldTables):
-            self.sampler = Sampler(volume, table, spec)
         self.arrives = arrives
         self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm(table)
         # Of a step in the matter at each ray's sample, by which physical light is lifted.
@@ -214,6 +210,11 @@ class _March:
         self.alpha, self.depth = np.zeros(count), np.zeros(count)
         self.first, self.transmittance = np.full(count, np.inf), np.ones(count)
         self.colour = np.zeros((count, len(spec.groups), table.size))
+
+    @cached_property
+    def sampler(self) -> Sampler:
+        """Field of the volume's values; of several fields, each has its own."""
+        return Sampler(self.volume, self.table, self.spec)
 
     def march(self) -> None:
         """March all rays front to back, one step at a time."""
@@ -737,23 +738,18 @@ def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
 
 def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid) -> Array:
     """Return (nz, ny, nx) σ of each node, 1/mm; of several fields, the sum."""
-    if isinstance(table, FieldTables):
-        total = np.zeros(grid.shape_xyz[::-1])
-        for name in table.tables:
-            field, field_spec = volume.by_name[name], spec.for_field(name)
-            of = partial(_masked_extinction, volume=volume, table=table, name=name)
-            if field.has_lattice_of(volume):
-                total += _on_nodes(of, field, field_spec, grid)
-                continue
-            other = grid.alike(field)
-            uncropped = replace(field_spec, crop_voxels=None)
-            resampled = grid.resampled(_on_nodes(of, field, uncropped, other), other)
-            total += grid.inside_crop(spec) * resampled
-        return total
-    if isinstance(table, SurfaceTable):
-        return _on_nodes(partial(_surface_extinction, table=table), volume, spec, grid)
-    labels = table.labels
-    return _on_nodes(partial(_table_extinction, table=table), volume, spec, grid, labels)
+    total = np.zeros(grid.shape_xyz[::-1])
+    for name in table.by_field(volume.name):
+        field, field_spec = volume.by_name[name], spec.for_field(name)
+        of = partial(_field_extinction, volume=volume, tables=table, name=name)
+        if field.has_lattice_of(volume):
+            total += _on_nodes(of, field, field_spec, grid, table.labels)
+            continue
+        other = grid.alike(field)
+        uncropped = replace(field_spec, crop_voxels=None)
+        resampled = grid.resampled(_on_nodes(of, field, uncropped, other), other)
+        total += grid.inside_crop(spec) * resampled
+    return total
 
 
 def _on_nodes(
@@ -780,22 +776,24 @@ def _on_nodes(
     return np.einsum("zk,kji,yj,xi->zyx", z, sigma, y, x, optimize=True)
 
 
-def _masked_extinction(field: Volume, volume: Volume, table: FieldTables, name: str) -> Array:
+def _field_extinction(field: Volume, volume: Volume, tables: Tables, name: str) -> Array:
     """Return (Z, Y, X) σ of a field's voxels, each by the row of its mask that is nearest."""
-    field_table, mask = table.tables[name], table.masks.get(name)
+    sigmas = [_table_extinction(field, one) for one in tables.by_field(name)[name]]
+    mask = tables.masks.get(name)
     if mask is None:
-        return _table_extinction(field, field_table)
+        return sigmas[0]
     z, y, x = np.indices(field.values.shape)
     world = np.stack([x, y, z], axis=-1) @ field.world_from_index[:3, :3].T
     index = volume.by_name[name].index_from_world
     position = (world + field.world_from_index[:3, 3]) @ index[:3, :3].T + index[:3, 3]
     rows = MaskLattice.of(volume, name, mask).nearest(position)
-    sigmas = [_table_extinction(field, one) for one in table.rows(name)]
     return np.asarray(np.take_along_axis(np.stack(sigmas), rows[None].astype(int), axis=0)[0])
 
 
-def _table_extinction(volume: Volume, table: TransferTable) -> Array:
+def _table_extinction(volume: Volume, table: Table) -> Array:
     """Return (Z, Y, X) σ of voxels: linear between the table's entries, not between labels."""
+    if isinstance(table, SurfaceTable):
+        return _surface_extinction(volume, table)
     entries, limits = (
         extinction_per_mm(side.opacity, table.reference_step_mm)
         for side in (table, table.left_limits)

@@ -17,7 +17,7 @@ from volspec.basis import Basis
 from volspec.camera import Camera
 from volspec.errors import CastCancelled
 from volspec.image import Slot, Solid, nearest_known, ratio
-from volspec.raycast.gpu import VolumeCaster, opacity_key
+from volspec.raycast.gpu import VolumeCaster
 from volspec.raycast.launch.kernel_arguments import numbered_sources
 from volspec.raycast.launch.light_volume import Transmittance, Visibility
 from volspec.raycast.launch.row_batches import Cancel, Progress, Receiver, Result, part_of
@@ -80,9 +80,7 @@ class OpacityCaster:
     @property
     def key(self) -> object:
         """Value that is equal for equal opacities."""
-        filters = self.table.filters if isinstance(self.table, TransferTable) else None
-        passed = None if filters is None else filters.tobytes()
-        return self.flat, passed, *opacity_key(self.table)
+        return self.flat, *self.table.opacity_key
 
     def __call__(
         self, camera: Camera, size: tuple[int, int]

@@ -24,7 +24,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -252,6 +252,8 @@ class FieldTables:
 
     tables: Mapping[str, TransferTable]
     masks: Mapping[str, MaskTables] = field(default_factory=dict)
+    labels: ClassVar[bool] = False
+    filters: ClassVar[None] = None
 
     @classmethod
     def in_one(
@@ -265,7 +267,7 @@ class FieldTables:
         few = len(channels) < channels.shape[1]
         numbers = iter(number.ravel())
 
-        def remixed(table: TransferTable) -> TransferTable:
+        def remixed(table: TransferTable, _name: str) -> TransferTable:
             rows = np.eye(len(channels))[[next(numbers) for _ in table.channels]]
             return _remap_materials(table, rows if few else table.channels, channels, few)
 
@@ -273,24 +275,34 @@ class FieldTables:
 
     @property
     def every(self) -> tuple[TransferTable, ...]:
-        """All tables: those of the fields, then those of the masks' rows."""
-        return (*self.tables.values(), *(row for m in self.masks.values() for row in m.rows))
+        """All tables, field by field: its own, and those of its mask's rows."""
+        return tuple(row for name in self.tables for row in self.rows(name))
+
+    @property
+    def opacity_key(self) -> tuple[Any, ...]:
+        """Value that is equal for tables of equal opacities and masks."""
+        keys = [table.opacity_key for table in self.every]
+        return *self.tables, *keys, *((name, *mask.key) for name, mask in self.masks.items())
 
     def rows(self, name: str) -> tuple[TransferTable, ...]:
         """Return a field's own table, and those of its mask from row 1 on."""
         mask = self.masks.get(name)
         return (self.tables[name], *(mask.rows if mask else ()))
 
-    def changed(self, change: Callable[[TransferTable], TransferTable]) -> FieldTables:
-        """Return what a function makes of every table, called in the order of `every`."""
-        tables = {name: change(table) for name, table in self.tables.items()}
-        masks = {
-            name: replace(mask, rows=tuple(map(change, mask.rows)))
-            for name, mask in self.masks.items()
-        }
+    def by_field(self, _name: str) -> Mapping[str, tuple[TransferTable, ...]]:
+        """Return the `rows` of every field."""
+        return {name: self.rows(name) for name in self.tables}
+
+    def changed(self, change: Callable[[Any, str], Any], _name: str = OWN) -> FieldTables:
+        """Return what a function makes of every table, in the order of `every`, and its field."""
+        tables, masks = {}, dict(self.masks)
+        for name in self.tables:
+            tables[name], *rows = (change(row, name) for row in self.rows(name))
+            if rows:
+                masks[name] = replace(masks[name], rows=tuple(rows))
         return FieldTables(tables, masks)
 
-    def apart(self) -> list[FieldTables]:
+    def split_fields(self) -> list[FieldTables]:
         """Return the tables of each field alone."""
         masks = self.masks
         return [
@@ -299,23 +311,19 @@ class FieldTables:
         ]
 
     @property
-    def _first(self) -> TransferTable:
-        return next(iter(self.tables.values()))
-
-    @property
     def size(self) -> int:
         """M, the channels of the picture."""
-        return self._first.size
+        return self.every[0].size
 
     @property
     def channels(self) -> NDArray[np.float64]:
         """(K, M) channels of all materials."""
-        return self._first.channels
+        return self.every[0].channels
 
     @property
     def white(self) -> NDArray[np.float64]:
         """(M,) channels of the perfect diffuser."""
-        return self._first.white
+        return self.every[0].white
 
 
 def _remap_materials(

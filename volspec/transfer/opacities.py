@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from volspec.basis import Basis, MaterialBasis
 from volspec.errors import TransferError, nearest, quote
-from volspec.transfer.fields import FieldTables
-from volspec.transfer.kinds import Tables
-from volspec.transfer.table import Entries, TransferTable
+from volspec.transfer.kinds import Table, Tables
+from volspec.transfer.table import Entries
 
 Array = NDArray[np.float64]
 
@@ -37,21 +36,15 @@ def scale_opacities(table: Tables, basis: Basis, opacities: Mapping[str, float])
     assert isinstance(basis, MaterialBasis)
     scales = np.array([*(opacities.get(name, 1.0) for name in basis.materials), 1.0])
 
-    def scaled(one: TransferTable) -> TransferTable:
+    def scaled(one: Table, _name: str) -> Table:
         rows = scales[one.channels.argmax(axis=1)]
         opacity, weights = _scale_depths(one.opacity, one.material_weights, rows)
-        left = one.left
-        if left is not None:
-            left = Entries(*_scale_depths(left.opacity, left.material_weights, rows), None)
-        return replace(one, opacity=opacity, material_weights=weights, left=left)
+        if one.left is not None:
+            limits = _scale_depths(one.left.opacity, one.left.material_weights, rows)
+            one = replace(one, left=Entries(*limits, None))
+        return replace(one, opacity=opacity, material_weights=weights)
 
-    if isinstance(table, FieldTables):
-        return table.changed(scaled)
-    if isinstance(table, TransferTable):
-        return scaled(table)
-    rows = scales[table.channels.argmax(axis=1)]
-    opacity, weights = _scale_depths(table.opacity, table.material_weights, rows)
-    return replace(table, opacity=opacity, material_weights=weights)
+    return table.changed(scaled)
 
 
 def check_opacities(basis: Basis, opacities: Mapping[str, float]) -> None:

@@ -19,8 +19,9 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,8 +66,33 @@ class Entries(NamedTuple):
         return [array.shape for array in self if array is not None]
 
 
+class OneField:
+    """Base of tables of one field: what `FieldTables`, of several, has as well."""
+
+    __slots__ = ()
+    channels: NDArray[np.float64]
+    masks: ClassVar[Mapping[str, Any]] = {}
+
+    @property
+    def size(self) -> int:
+        """M, the channels of the picture."""
+        return self.channels.shape[1]
+
+    def by_field(self, name: str) -> Mapping[str, tuple[Self, ...]]:
+        """Return the tables by field, of which there is one, and by row of its mask."""
+        return {name: (self,)}
+
+    def changed(self, change: Callable[[Any, str], Any], name: str = "") -> Any:
+        """Return what a function makes of every table and the name of its field."""
+        return change(self, name)
+
+    def split_fields(self) -> list[Self]:
+        """Return the tables of each field alone."""
+        return [self]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class TransferTable:
+class TransferTable(OneField):
     """A transfer function over values, or over values and gradients.
 
     Between entries j and j + 1, everything is linear from entry j to the left limit of the next.
@@ -158,11 +184,6 @@ class TransferTable:
                 )
 
     @property
-    def size(self) -> int:
-        """M, the channels of the picture."""
-        return self.channels.shape[1]
-
-    @property
     def coefficients(self) -> NDArray[np.float64]:
         """(…, M) channels of the reflectance at every entry, not premultiplied."""
         return self.material_weights @ self.channels
@@ -174,6 +195,21 @@ class TransferTable:
             return self
         opacity, weights, filters = self.left
         return replace(self, opacity=opacity, material_weights=weights, filters=filters, left=None)
+
+    @property
+    def opacity_key(self) -> tuple[Any, ...]:
+        """Value that is equal for tables of equal opacities and filters."""
+        scale = self.domain, self.labels, self.reference_step_mm, self.gradient_top
+        arrays = self.opacity, self.left_limits.opacity, self.filters
+        return *scale, *(None if array is None else array.tobytes() for array in arrays)
+
+    def for_scaled_values(self, scale: float) -> TransferTable:
+        """Return the table for a field whose values are multiplied by a scale, unless labels."""
+        if scale == 1.0 or self.labels:
+            return self
+        low, high = self.domain
+        top = None if self.gradient_top is None else self.gradient_top * scale
+        return replace(self, domain=(low * scale, high * scale), gradient_top=top)
 
     @property
     def entries_per_value(self) -> float:
@@ -202,7 +238,7 @@ class TransferTable:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SurfaceTable:
+class SurfaceTable(OneField):
     """Isosurfaces at S levels, each with opacity and reflectance.
 
     Parameters
@@ -221,6 +257,9 @@ class SurfaceTable:
     # None as in TransferTable.
     channels: NDArray[np.float64] = None  # type: ignore[assignment]
     white: NDArray[np.float64] = None  # type: ignore[assignment]
+    labels: ClassVar[bool] = False
+    filters: ClassVar[None] = None
+    left: ClassVar[None] = None
 
     def __post_init__(self) -> None:
         values, opacity = _set_array(self, "values"), _set_array(self, "opacity")
@@ -241,9 +280,13 @@ class SurfaceTable:
         _set_channels(self)
 
     @property
-    def size(self) -> int:
-        """M, the channels of the picture."""
-        return self.channels.shape[1]
+    def opacity_key(self) -> tuple[Any, ...]:
+        """Value that is equal for tables of equal opacities."""
+        return self.values.tobytes(), self.opacity.tobytes()
+
+    def for_scaled_values(self, scale: float) -> SurfaceTable:
+        """Return the table for a field whose values are multiplied by a scale."""
+        return replace(self, values=self.values * scale)
 
 
 def _set_array(table: TransferTable | SurfaceTable, name: str) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, Table, TransferTable
+from volspec.transfer import SurfaceTable, Table
 
 BRICK = 4
 # Codes up to here are distances; from STRIDES on they are strides (rays.clh).
@@ -228,17 +228,28 @@ def visible_by_table(low: NDArray[Any], high: NDArray[Any], table: Table) -> NDA
 def brick_codes(
     low: NDArray[Any],
     high: NDArray[Any],
-    table: Table,
+    tables: Sequence[Table],
     spec: RaycastSpec,
     step_mm: float,
+    rows: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None,
 ) -> NDArray[Any]:
     """Return each brick's code for the kernels (see rays.clh); for projections, its maximum.
 
-    In a brick of strides, opacity per ``step_mm`` varies by less than ``spec.adaptive``.
+    A field has a table, or one by row of its mask; then ``rows`` are the least and the greatest in
+    each brick: any row between may be there. In a brick of strides, opacity per ``step_mm`` varies
+    by less than ``spec.adaptive``.
     """
     if spec.mode != "composite":
         return high
-    visible = visible_by_table(low, high, table)
+    table = tables[0]
+    if rows is None:
+        visible = visible_by_table(low, high, table)
+    else:
+        visible = np.zeros(low.shape, np.bool_)
+        for row, one in enumerate(tables):
+            here = ~visible & (rows[0] <= row) & (row <= rows[1])
+            if here.any():
+                visible[here] = visible_by_table(low[here][None], high[here][None], one)[0]
     codes = chessboard_distance(visible)
     if spec.adaptive > 0 and not isinstance(table, SurfaceTable):
         sides = (table,) if table.left is None else (table, table.left_limits)
@@ -247,23 +258,3 @@ def brick_codes(
         codes[visible & (spread < spec.adaptive)] = STRIDES
         codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1
     return codes
-
-
-def masked_brick_codes(
-    low: NDArray[Any],
-    high: NDArray[Any],
-    rows: tuple[NDArray[np.uint8], NDArray[np.uint8]],
-    tables: Sequence[TransferTable],
-) -> NDArray[np.uint8]:
-    """Return each brick's code for a field with a table by row of its mask.
-
-    ``rows`` are the least and the greatest row in each brick: any row between may be there.
-    """
-    visible = np.zeros(low.shape, np.bool_)
-    for row, table in enumerate(tables):
-        here = ~visible & (rows[0] <= row) & (row <= rows[1])
-        opacity = np.stack([table.opacity, table.left_limits.opacity])
-        if not opacity.any() or not here.any():
-            continue
-        visible[here] = visible_bricks(low[here][None], high[here][None], table.domain, opacity)[0]
-    return chessboard_distance(visible)

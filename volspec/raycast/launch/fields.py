@@ -15,7 +15,7 @@ import numpy as np
 from volspec.errors import RaycastError
 from volspec.raycast.launch.row_batches import Result
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec
-from volspec.transfer import FieldTables, TransferTable
+from volspec.transfer import FieldTables, Tables
 from volspec.volume import Volume
 
 # Voxels of other fields' corners that may lie outside, by rounding.
@@ -24,14 +24,15 @@ _INSIDE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldCast:
-    """Cast of several fields, and the lattice around all of them.
+    """Cast of one or several fields, and the lattice around all of them.
 
     ``frame`` has the axes of the volume, and its fields; it is the volume itself if that covers
     all. ``spec`` are the settings there. ``specs`` are those of each field by name, whose rays the
-    frame's crop cuts, if there is one.
+    frame's crop cuts, if there is one. ``several`` are the tables, None of a volume's own field
+    alone, without a mask, which has kernels of its own.
     """
 
-    tables: Mapping[str, TransferTable]
+    several: FieldTables | None
     frame: Volume
     spec: RaycastSpec
     specs: Mapping[str, RaycastSpec]
@@ -43,12 +44,16 @@ class FieldCast:
 
     @classmethod
     def of(
-        cls, volume: Volume, tables: FieldTables, spec: RaycastSpec, frame: Volume | None = None
+        cls, volume: Volume, tables: Tables, spec: RaycastSpec, frame: Volume | None = None
     ) -> FieldCast:
         """Return the cast of a volume's fields; ``frame`` is from `frame_around`, if known.
 
-        Raises RaycastError as `RaycastSpec.check_fields` does, or if a plane cuts an unknown field.
+        Raises RaycastError if a plane cuts an unknown field; of several, also as
+        `RaycastSpec.check_fields`.
         """
+        if not isinstance(tables, FieldTables):
+            spec = spec.naming_fields(volume).for_field(volume.name)
+            return cls(None, volume, spec, {volume.name: spec})
         spec.check_fields()
         frame = frame or frame_around(volume, tables.tables)
         # Every field takes the volume's steps.
@@ -63,7 +68,7 @@ class FieldCast:
                 for (low, high), origin in zip(spec.crop_voxels, first, strict=False)
             )
             spec = replace(spec, crop_voxels=(x, y, z))
-        return cls(tables.tables, frame, spec, specs)
+        return cls(tables, frame, spec, specs)
 
 
 def add_pictures(pictures: Sequence[Result]) -> Result:

@@ -267,9 +267,9 @@ class Program:
             "WEIGHTS": count,
             "VECTOR": width,
             "VECTORS": -(-count // width),
-            "LABELS": int(isinstance(table, TransferTable) and table.labels),
+            "LABELS": int(table.labels),
             "TABLE_ROWS": rows,
-            "FILTERED": int(isinstance(table, TransferTable) and table.filters is not None),
+            "FILTERED": int(table.filters is not None),
             "STEP_ENDS": int(name in ("surfaces", "preintegrated")),
             **extra,
         }
@@ -303,43 +303,35 @@ class Program:
 
 def curve_structs(
     table: FieldTables, casts: Mapping[str, NDArray[np.void]], step_mm: float
-) -> tuple[NDArray[np.void], dict[str, int]]:
+) -> tuple[NDArray[np.void], NDArray[np.int64]]:
     """Return the structs `CURVE` of all tables, row by row, and the number of each field's first.
 
     ``casts`` are the fields' structs `CAST`.
     """
-    starts: dict[int, tuple[int, int]] = {}
-    offsets = np.zeros(2, np.int64)
-    for one in table.every:
-        starts[id(one)] = int(offsets[0]), int(offsets[1])
-        entries, width = len(one.opacity) + 1, one.material_weights.shape[1]
-        offsets += 2 * entries, 2 * entries * -(-width // vector_width(width))
-    curves: list[NDArray[np.void]] = []
-    first: dict[str, int] = {}
-    for name in table.tables:
-        first[name] = len(curves)
-        for one in table.rows(name):
-            curve = np.zeros((), CURVE.dtype)
-            curve["domain_rest"] = one.domain[0] - float(casts[name]["domain_low"])
-            curve["domain_scale"] = one.entries_per_value
-            curve["last_entry"] = len(one.opacity) - 1
-            curve["power"] = step_mm / one.reference_step_mm
-            curve["opacity"], curve["material_weights"] = starts[id(one)]
-            curves.append(curve)
-    return np.stack(curves), first
+    rows = [(name, row) for name in table.tables for row in table.rows(name)]
+    curves, place = np.zeros(len(rows), CURVE.dtype), 0
+    width = table.channels.shape[0]
+    vectors = -(-width // vector_width(width))
+    for curve, (name, row) in zip(curves, rows, strict=True):
+        curve["domain_rest"] = row.domain[0] - float(casts[name]["domain_low"])
+        curve["domain_scale"] = row.entries_per_value
+        curve["last_entry"] = len(row.opacity) - 1
+        curve["power"] = step_mm / row.reference_step_mm
+        curve["opacity"], curve["material_weights"] = place, place * vectors
+        place += 2 * (len(row.opacity) + 1)
+    sizes = [len(table.rows(name)) for name in table.tables]
+    return curves, np.cumsum([0, *sizes[:-1]])
 
 
-def mask_struct(lattice: MaskLattice | None, first: int, curves: int) -> NDArray[np.void]:
-    """Return the struct `MASK` of a lattice whose codes begin at element ``first``."""
+def mask_struct(lattice: MaskLattice, first: int) -> NDArray[np.void]:
+    """Return the struct `MASK` of a lattice whose codes begin at element ``first``; no curves."""
     mask = np.zeros((), MASK.dtype)
-    mask["curves"] = curves
-    if lattice is not None:
-        for row, name in zip(lattice.from_index, ("index_x", "index_y", "index_z"), strict=True):
-            mask[name] = row
-        mask["last"][:3] = lattice.last
-        _, rows, columns = lattice.rows.shape
-        mask["row"], mask["slice"] = columns, rows * columns
-        mask["first"] = np.uint32(first).view(np.int32)
+    for row, name in zip(lattice.from_index, ("index_x", "index_y", "index_z"), strict=True):
+        mask[name] = row
+    mask["last"][:3] = lattice.last
+    _, rows, columns = lattice.rows.shape
+    mask["row"], mask["slice"] = columns, rows * columns
+    mask["first"] = np.uint32(first).view(np.int32)
     return mask
 
 

@@ -22,7 +22,7 @@ from volspec.errors import OpenCLError, RaycastError
 from volspec.image import MAX_LAYER_TAU, MAX_MATERIALS, MIN_TAU, Slot, ratio, sample_tau
 from volspec.raycast.lights import Ambient, Headlight
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import FieldTables, SurfaceTable, Tables
+from volspec.transfer import FieldTables, SurfaceTable, Tables, TransferTable
 
 Array = NDArray[np.float64]
 
@@ -254,7 +254,6 @@ def empty_rows(
 
     Raises OpenCLError if there is no memory for them.
     """
-    assert not isinstance(table, FieldTables)
     width, height = size
     count = spec.layers if count is None else count
     numbers = row_size(len(table.channels), len(spec.groups), len(shadow_slots(spec)))
@@ -282,8 +281,8 @@ def shadow_slots(spec: RaycastSpec) -> list[Slot]:
 
 def check_layers(
     spec: RaycastSpec, table: Tables, basis: Basis, translucent: Sequence[str]
-) -> None:
-    """Raise RaycastError for what cannot be cast in layers, or with surfaces.
+) -> TransferTable:
+    """Return the table, or raise RaycastError for what cannot be cast in layers, or with surfaces.
 
     ``translucent`` has a text for each surface: what of it is translucent, or "".
     """
@@ -312,6 +311,7 @@ def check_layers(
     for name in filter(None, translucent):
         problem = f"a translucent mesh, {name}"
         raise _conflict(spec, problem, "set opacity = 1, or leave layers out")
+    return table
 
 
 def _conflict(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
@@ -330,10 +330,9 @@ def refuse_layers(spec: RaycastSpec, problem: str, remedy: str) -> None:
         raise _conflict(spec, problem, remedy)
 
 
-def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
+def materials_without_opacity(table: TransferTable, basis: Basis) -> list[str]:
     """Return the names of the basis' materials of which a table shows nothing."""
     assert isinstance(basis, MaterialBasis)
-    assert not isinstance(table, FieldTables | SurfaceTable)
     opacity = np.maximum(table.opacity, table.left_limits.opacity)
     weights = np.maximum(table.material_weights, table.left_limits.material_weights)
     visible = (opacity[..., None] * weights).reshape(-1, weights.shape[-1]).max(axis=0) > 0

@@ -40,12 +40,13 @@ from volspec.raycast.launch.kernel_arguments import (
     LIGHT_MARGIN,
     MASK,
     numbered_sources,
+    source_rows,
 )
 from volspec.raycast.launch.masks import MIXED
 from volspec.raycast.launch.sampling import trilinear
 from volspec.raycast.lights import Ambient, Directional, Point
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
-from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, TransferTable
+from volspec.transfer import SurfaceTable, Table, Tables, TransferTable
 from volspec.volume import Volume
 
 MIN_CELLS = 4
@@ -344,7 +345,6 @@ def split_width(table: Tables, blocked: bool = False) -> int:
 
     They are read as one vector, of 4 or 8.
     """
-    assert isinstance(table, TransferTable)
     return 4 if len(table.channels) + blocked <= 2 else 8
 
 
@@ -417,26 +417,26 @@ class VoxelBox(NamedTuple):
 class LightVolume:
     """The light volume of a volume whose ``voxels`` are on an OpenCL device.
 
-    Without ``voxels`` they are those of ``boxes``, which returns them for a table. ``lanes`` are
-    the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs. Of several ``fields`` and
-    their voxels, by name, the volume is the lattice around them; ``masks`` are the codes and
-    structs `MASK` of those that have one.
+    Or of ``fields`` and their voxels, by name: the volume is the lattice around them; ``masks`` are
+    the codes and structs `MASK` of those that have one. Without either, voxels are those of
+    ``boxes``, which returns them for a table. ``lanes`` are the nodes per work-item, 1, 4 or 8; by
+    default 8 on CPUs, 1 on GPUs.
     """
 
     def __init__(
         self,
         compute: Compute,
         volume: Volume,
-        voxels: Any,
+        voxels: Any = None,
         *,
         lanes: int | None = None,
         fields: Mapping[str, tuple[Volume, Any]] | None = None,
         masks: Mapping[str, tuple[Any, NDArray[np.void]]] | None = None,
-        boxes: Callable[[Tables], Iterable[VoxelBox]] | None = None,
+        boxes: Callable[[Any], Iterable[VoxelBox]] | None = None,
     ) -> None:
-        self._compute, self.volume, self._voxels = compute, volume, voxels
-        self._boxes = boxes
-        self._fields, self._masks = fields or {}, masks or {}
+        self._compute, self.volume, self._boxes = compute, volume, boxes
+        self._fields = fields or {volume.name: (volume, voxels)}
+        self._masks = masks or {}
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
         # The table that the extinction was computed from, the cells and the cuts.
         self._extinction: tuple[Any, ...] = (None,)
@@ -516,7 +516,7 @@ class LightVolume:
         self._split_keys = []
         if not self._by_material:
             self._by_material = [
-                self._extinction_of(self.volume, self._voxels, [single], spec, grid)
+                self._extinction_of(*self._fields[self.volume.name], [single], spec, grid)
                 for single in material_tables(table)
             ]
         parts = [(self._sigma, HALF), (self._sigma, 1.0)]
@@ -562,38 +562,27 @@ class LightVolume:
 
     def _fill_extinction(self, table: Tables, spec: RaycastSpec, grid: LightGrid) -> None:
         """Fill the padded grid with extinction."""
-        if not isinstance(table, FieldTables):
-            if self._boxes is None:
-                self._sigma = self._extinction_of(self.volume, self._voxels, [table], spec, grid)
-            else:
-                self.set_extinction(self.extinction(table, spec, self._boxes(table)), table, spec)
+        fields = table.by_field(self.volume.name)
+        if self._boxes is not None:
+            one = fields[self.volume.name][0]
+            self.set_extinction(self.extinction(one, spec, self._boxes(one)), one, spec)
             return
-        self._sigma, separate = None, []
-        for name in table.tables:
-            volume, voxels = self._fields[name]
-            arguments = volume, voxels, table.rows(name), spec.for_field(name)
+        self._sigma, total = None, np.zeros(grid.shape_xyz[::-1], np.float32)
+        separate = False  # some fields have lattices, and so grids, of their own
+        for name, rows in fields.items():
+            (volume, voxels), field_spec = self._fields[name], spec.for_field(name)
             if volume.has_lattice_of(self.volume):
-                self._sigma = self._extinction_of(*arguments, grid, self._sigma)
-            else:
-                separate.append(arguments)
-        if separate:
-            self._add_separately(separate, spec, grid)
-
-    def _add_separately(
-        self,
-        separate: Sequence[tuple[Volume, Any, Sequence[TransferTable], RaycastSpec]],
-        spec: RaycastSpec,
-        grid: LightGrid,
-    ) -> None:
-        """Add the extinction of fields that have lattices, and so grids, of their own."""
-        x, y, z = grid.shape_xyz
-        total = np.zeros((z, y, x), np.float32)
-        for volume, voxels, tables, field_spec in separate:
-            other = grid.alike(volume)
+                self._sigma = self._extinction_of(
+                    volume, voxels, rows, field_spec, grid, self._sigma
+                )
+                continue
+            separate, other = True, grid.alike(volume)
             uncropped = replace(field_spec, crop_voxels=None)
-            sigma = self._extinction_of(volume, voxels, tables, uncropped, other)
+            sigma = self._extinction_of(volume, voxels, rows, uncropped, other)
             per_cell = self._nodes(sigma, other) * (grid.cell_mm / other.cell_mm)
             total += grid.resampled(per_cell, other)
+        if not separate:
+            return
         total *= grid.inside_crop(spec)
         if self._sigma is not None:
             total += self._nodes(self._sigma, grid)
@@ -707,21 +696,22 @@ class LightVolume:
         spec: RaycastSpec,
         camera: Camera,
         clear: Visibility | None,
-        split: bool = False,
-    ) -> tuple[Any, list[int]]:
+        split: int = 0,
+    ) -> tuple[Any, Any, bool]:
         """Set the members of a `CAST` for the light volume.
 
-        Return its buffer, and each source's layer in the buffer (-1: none). Arguments are those of
-        `layers`.
+        Return the buffer of sources, that of the light volume, and True if it has layers. Arguments
+        are those of `layers`, but ``split`` is 0 or the `split_width`.
         """
-        buffer, grid, layers = self.layers(table, spec, camera, clear, split)
+        buffer, grid, layers = self.layers(table, spec, camera, clear, split > 0)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
         struct["light_lift"] = grid.lift_mm(table) / min(self.volume.spacing_mm)
         numbers = [-1] * len(numbered_sources(spec))
         for number, layer in enumerate(layers):
             numbers[layer.source] = number
-        return buffer, numbers
+        sources = source_rows(self.volume, camera, spec, numbers, split)
+        return self._compute.upload(sources), buffer, bool(layers)
 
     def transmittances(
         self,
@@ -742,7 +732,6 @@ class LightVolume:
     ) -> list[dict[int, Transmittance]]:
         """Return `transmittances` past half of all depths, the whole, and each material's half."""
         buffer, grid, layers = self.layers(table, spec, camera, clear, split=True)
-        assert isinstance(table, TransferTable)
         width = split_width(table, blocked=True)
         numbers = np.empty((len(layers) * (1 + width), grid.nodes), np.uint16)
         self._compute.download(buffer, numbers)
