@@ -107,7 +107,6 @@ SETTINGS: list[tuple[dict[str, Any], str, str]] = [
         (lambda: vs.Point((1, 2, np.inf)), "range Point.position_mm[2]"),
         (lambda: vs.Point((1, 2, 3), frame=None), "type Point.frame"),
         (lambda: vs.Spot((1, 2, 3), target_mm=(1, 2, 3)), "range Spot.target_mm"),
-        (lambda: vs.Spot((1, 2, 3), target_mm=(0, 0, 0), edge_deg=30), "range Spot.edge_deg"),
         (lambda: vs.LightGroup("", (vs.Headlight(),)), "missing LightGroup.name"),
         (lambda: vs.LightGroup("  ", (vs.Headlight(),)), "missing LightGroup.name"),
         (lambda: vs.LightGroup(7, (vs.Headlight(),)), "type LightGroup.name"),

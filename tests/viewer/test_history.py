@@ -106,7 +106,7 @@ TEXTS = (
 )
 # Their panel is open; a light of one spectrum, a curve without regions,
 # labels and opacity by gradient, a lamp, a cell without a target, and no room, measurement, focus,
-# fields or layers have nothing to edit.
+# flashlight, fields or layers have nothing to edit.
 _IDLE = (
     *("commands.open_panel", "light_parts.remove_part"),
     *("transfer_edits.set_region_values", "transfer_edits.set_region_gradients"),
@@ -117,6 +117,7 @@ _IDLE = (
     *("depth.reset", "depth.set_aperture", "depth.set_stereo"),
     *("fields.choose", "fields.solo", "fields.set_look"),
     *("palette_edits.set_target_distance", "room.paint", "room.pick", "effects.prepare"),
+    "lighting.carry",
     *(f"measure.{name}" for name in ("pick", "rename", "remove", "remove_all", "stop")),
 )
 _UNCAST = ("lights", "light_parts", "light_states", "viewing", "slices")

@@ -18,7 +18,7 @@ from tests.support.viewer import (
 from tests.support.window import small_engine
 from tests.viewer._edits import drawn
 from volspec.camera.projection import Projection
-from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec, Spot
 from volspec.raycast.lights import as_tuple
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
@@ -31,7 +31,7 @@ from volspec.viewer.ui import lighting as lighting_panel
 from volspec.viewer.ui import quality as quality_panel
 from volspec.viewer.ui.form import FormField
 
-KINDS = pytest.mark.parametrize("kind", ["directional light", "point light"])
+KINDS = pytest.mark.parametrize("kind", ["directional light", "point light", "spot"])
 WITH_CAMERA = pytest.mark.parametrize("camera", [False, True])
 AREA = (10, 20, 400, 300)
 
@@ -282,3 +282,23 @@ def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window, tmp_path):
     window.click("remove source 2")
     window.rest()
     assert window.since(-1.0, "error") == []
+
+
+def test_the_mouse_carries_a_flashlight(tmp_path):
+    """Its target is seen under the mouse, whether it moves with the camera or not."""
+    state, place = opened(tmp_path), (40.0, 90.0)
+    carried = lighting.toggle_flashlight(state).state
+    assert carried.interface.tool == lighting.FLASHLIGHT
+    window = projection(carried)
+    carried = lighting.carry(carried, place, window)
+    index = lighting.chosen_source(carried)
+    torch = list_sources(carried.shading)[index].source
+    assert isinstance(torch, Spot) and torch.frame == "camera"
+    still = lighting.toggle_frame(carried, index)
+    target = list_sources(still.shading)[index].source.target_mm
+    assert window.to_window(np.asarray(target))[:2] == pytest.approx(place, abs=1e-3)
+    back = list_sources(lighting.toggle_frame(still, index).shading)[index].source
+    assert back.target_mm == pytest.approx(torch.target_mm, rel=1e-9)
+    assert back.position_mm == pytest.approx(torch.position_mm, rel=1e-9)
+    assert lighting.carry(still, place, window) is still  # it lies
+    assert lighting.toggle_flashlight(carried).state.interface.tool == ""

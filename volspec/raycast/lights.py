@@ -100,16 +100,12 @@ class Spot(Point):
     cone_deg: Annotated[float, Field(gt=0.0, lt=90.0), Unit("degrees")] = 20.0
     """Angle between the axis and the rim of the cone, beyond which it is dark."""
     edge_deg: Annotated[float, Field(ge=0.0, lt=90.0), Unit("degrees")] = 4.0
-    """Width of the rim over which its light falls off, inside the cone."""
+    """Width of the rim over which its light falls off, inside the cone, at most all of it."""
 
     def __post_init__(self) -> None:
         if self.target_mm == self.position_mm:
             remedy = "aim at another point than its position_mm"
             raise RaycastError.refused("target_mm", self.target_mm, remedy, "range")
-        if self.edge_deg > self.cone_deg:
-            raise RaycastError.refused(
-                "edge_deg", self.edge_deg, f"give cone_deg ({self.cone_deg:g}) or less", "range"
-            )
 
     def beam(self, camera: Camera) -> tuple[float, float, float, float]:
         """Return the plane whose height over unit vectors to the light rises from the cone's rim.
@@ -119,7 +115,8 @@ class Spot(Point):
         """
         start, end = (camera.place_mm(p, self.frame) for p in (self.position_mm, self.target_mm))
         axis = (end - start) / np.linalg.norm(end - start)
-        rim, full = np.cos(np.radians([self.cone_deg, self.cone_deg - self.edge_deg]))
+        inner_deg = max(self.cone_deg - self.edge_deg, 0.0)
+        rim, full = np.cos(np.radians([self.cone_deg, inner_deg]))
         slope = 1.0 / max(full - rim, _SHARPEST)
         x, y, z = (-slope * axis).tolist()
         return x, y, z, float(-slope * rim)

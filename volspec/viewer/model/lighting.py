@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.camera import Place, Projection, radius_mm
 from volspec.errors import InputError
-from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, Source
+from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, Source, Spot
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
 from volspec.viewer.model.cuts import CutHandle, with_overlays
@@ -39,22 +40,27 @@ Groups = tuple[LightGroup, ...]
 KINDS: Mapping[str, type[Source]] = {
     "directional light": Directional,
     "point light": Point,
+    "spot": Spot,
     "headlight": Headlight,
     "sky": Ambient,
 }
 # A new source's fraction of all light; the other sources are dimmed, so that the exposure stays.
-_FRACTIONS = {Directional: 0.6, Point: 0.6, Headlight: 0.5, Ambient: 0.35}
+_FRACTIONS = {Directional: 0.6, Point: 0.6, Spot: 0.6, Headlight: 0.5, Ambient: 0.35}
+# Of a new spot.
+_CONE_DEG = 6.0
 # A new lamp shines from the upper left of the eye: right, up, back.
 _UPPER_LEFT = (-0.6, 0.7, 0.55)
 _DIGITS = 3
 MAX_INTENSITY = 1e6
+FLASHLIGHT = "flashlight"
+"""Command, and the tool while the mouse carries one."""
 # The least and greatest distance of a point light, in radii of the volume.
 _NEAREST, FURTHEST = 0.01, 10.0
 
 
 def kind_name(source: Source) -> str:
     """Return the name of a source's kind."""
-    return next(name for name, kind in KINDS.items() if isinstance(source, kind))
+    return next(name for name, kind in KINDS.items() if type(source) is kind)
 
 
 def chosen_source(state: ViewState) -> int:
@@ -100,6 +106,11 @@ def _new_source(state: ViewState, kind: str) -> Source:
         side = 0.5 * (half if camera.height_mm is None else camera.height_mm / 2)
         offset = np.array([-side, side, back]) @ axes
         return Point(vector(np.asarray(camera.target_mm) + offset), shadows=True)
+    if KINDS[kind] is Spot:
+        # A flashlight in the hand, right of the eye and below.
+        hand = np.array([0.3, -0.2, 0.0]) * radius_mm(state.document.volume)
+        target = lighting_aim.in_camera(state, state.document.volume.corners_mm.mean(axis=0))
+        return Spot(vector(hand), "camera", target_mm=vector(target), cone_deg=_CONE_DEG)
     return Headlight() if KINDS[kind] is Headlight else Ambient(occlusion=True)
 
 
@@ -202,8 +213,40 @@ def drag_handle(
     to = lighting_aim.unproject_handle(start, source, place, projection)
     if to is None:
         return state
-    name = "towards" if isinstance(source, Directional) else "position_mm"
-    return set_source(state, name, vector(to), handle.index)
+    return set_source(state, lighting_aim.handle_field(source), vector(to), handle.index)
+
+
+@edit
+def carry(state: ViewState, place: Place, projection: Projection) -> ViewState:
+    """Aim the flashlight at a place in the window, at the depth of the volume's middle."""
+    index = _flashlight(state)
+    if index is None:
+        return state
+    middle = state.document.volume.corners_mm.mean(axis=0)
+    u, v, depth = (float(value) for value in projection.to_window(middle))
+    mm = projection.mm_per_px * max(depth, 0.0)
+    shift_mm = np.array([(place[0] - u) * mm, (v - place[1]) * mm, 0.0])
+    target = lighting_aim.in_camera(state, middle) + shift_mm
+    return set_source(state, "target_mm", vector(target), index)
+
+
+def _flashlight(state: ViewState) -> int | None:
+    """Return the index of the spot that moves with the camera, the chosen one first; or None."""
+    spots = [
+        index
+        for index, lamp in enumerate(list_sources(state.shading))
+        if isinstance(lamp.source, Spot) and lamp.source.frame == "camera"
+    ]
+    return min(spots, key=lambda index: index != chosen_source(state), default=None)
+
+
+def toggle_flashlight(state: ViewState) -> Edited:
+    """Let the mouse carry a flashlight, which is added if there is none, or lay it down."""
+    if state.interface.tool == FLASHLIGHT:
+        return Edited(with_interface(state, tool=""))
+    added = Edited(state) if _flashlight(state) is not None else add_source(state, "spot")
+    tool = "" if added.message else FLASHLIGHT
+    return added._replace(state=with_interface(added.state, tool=tool, tool_points=()))
 
 
 @edit
@@ -218,10 +261,13 @@ def toggle_frame(state: ViewState, index: int) -> ViewState:
                 return replace(source, towards=towards, frame="camera")
             return replace(source, towards=vector(np.asarray(source.towards) @ axes), frame="world")
         if isinstance(source, Point):
-            position = np.asarray(source.position_mm)
-            if source.frame == "world":
-                return replace(source, position_mm=vector(axes @ (position - eye)), frame="camera")
-            return replace(source, position_mm=vector(position @ axes + eye), frame="world")
+            is_world = source.frame == "world"
+            placed: dict[str, Any] = {
+                name: vector(axes @ (p - eye) if is_world else p @ axes + eye)
+                for name in ("position_mm", "target_mm")
+                if (p := np.asarray(getattr(source, name, None))).size == 3
+            }
+            return replace(source, frame="camera" if is_world else "world", **placed)
         return source
 
     return _with_source(state, index, change)
@@ -377,7 +423,17 @@ def _add(name: str, title: str, words: str) -> Command:
 
 COMMANDS = (
     _add("directional light", "Add a directional light", "lamp sun key light source shadow"),
-    _add("point light", "Add a point light", "lamp bulb spot light source near"),
+    _add("point light", "Add a point light", "lamp bulb light source near"),
+    _add("spot", "Add a spot", "lamp cone torch flashlight light source"),
+    Command(
+        FLASHLIGHT,
+        "Render",
+        "Flashlight",
+        (),
+        toggle_flashlight,
+        lambda state: state.interface.tool == FLASHLIGHT,
+        "torch spot mouse carry aim light",
+    ),
     _add("headlight", "Add a headlight", "camera light source front"),
     _add("sky", "Add a sky", "ambient light dome environment fill occlusion source"),
     Command(

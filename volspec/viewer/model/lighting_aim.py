@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.camera import Place, Projection
-from volspec.raycast import Directional, Point, RaycastSpec, Source
+from volspec.raycast import Directional, Point, RaycastSpec, Source, Spot
 from volspec.viewer.model.cuts import CutHandle
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, orbit_axes
@@ -53,6 +53,11 @@ def eye_mm(state: ViewState) -> NDArray[np.float64]:
     return np.asarray(state.view.camera(state.document.volume).position_mm)
 
 
+def in_camera(state: ViewState, point_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a point (3,) of the world in the camera's frame: right, up, back from the eye."""
+    return np.asarray(camera_axes(state) @ (np.asarray(point_mm) - eye_mm(state)))
+
+
 def axes_from_angles(state: ViewState, source: Source) -> NDArray[np.float64]:
     """(3, 3) rows: right, up and front, from which a source's azimuth and elevation count.
 
@@ -67,7 +72,7 @@ def axes_from_angles(state: ViewState, source: Source) -> NDArray[np.float64]:
 def middle_mm(state: ViewState, source: Point) -> NDArray[np.float64]:
     """(3,) the volume's middle in a point light's frame."""
     middle = np.asarray(state.document.volume.corners_mm.mean(axis=0))
-    return middle if source.frame == "world" else camera_axes(state) @ (middle - eye_mm(state))
+    return middle if source.frame == "world" else in_camera(state, middle)
 
 
 def direction(state: ViewState, source: Source) -> NDArray[np.float64] | None:
@@ -113,7 +118,9 @@ def is_behind(state: ViewState, source: Source) -> bool:
 
 
 def list_handles(state: ViewState, projection: Projection) -> tuple[CutHandle, ...]:
-    """Return the handles of lamps: a point light's at its place, if that is before the camera.
+    """Return the handles of lamps: a point light's at its place, a spot's at its target.
+
+    They are before the camera.
 
     A place outside of the picture is moved to its edge.
 
@@ -126,7 +133,7 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[CutHandle, .
     axes, handles = camera_axes(state), []
     for index, (_, _, source) in enumerate(list_sources(state.shading)):
         if isinstance(source, Point):
-            place = np.asarray(source.position_mm)
+            place = np.asarray(getattr(source, handle_field(source)))
             if source.frame == "camera":
                 place = place @ axes + eye_mm(state)
             u, v, depth = (float(value) for value in projection.to_window(place))
@@ -142,6 +149,11 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[CutHandle, .
             continue
         handles.append(CutHandle(HANDLE, index, _inside((u, v), projection), (u, v)))
     return tuple(handles)
+
+
+def handle_field(source: Source) -> str:
+    """Return the field of a lamp that its handle sets."""
+    return {Directional: "towards", Spot: "target_mm"}.get(type(source), "position_mm")
 
 
 def _inside(place: Place, projection: Projection) -> Place:
@@ -164,7 +176,7 @@ def unproject_handle(
     if isinstance(source, Point):
         # It moves in the plane through it that is parallel to the picture.
         axes, eye = camera_axes(state), eye_mm(state)
-        position = np.asarray(source.position_mm)
+        position = np.asarray(getattr(source, handle_field(source)))
         world = position if source.frame == "world" else position @ axes + eye
         u, v, depth = (float(value) for value in projection.to_window(world))
         mm = projection.mm_per_px * max(depth, 0.0)

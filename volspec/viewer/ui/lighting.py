@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 from imgui_bundle import imgui
 
 from volspec.camera import radius_mm
-from volspec.raycast import Ambient, Directional, Point, Source
+from volspec.raycast import Ambient, Directional, Point, Source, Spot
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import lighting, lighting_aim
@@ -47,6 +47,7 @@ _GLOSS = (
     FormField("shininess", "Shininess", (1, 256), is_logarithmic=True),
     FormField("flat_gradient", "Flat gradient", (0.0, 0.3), "%.3f"),
 )
+_CONE = FormField("cone_deg", "Cone", (0.5, 89.0)), FormField("edge_deg", "Edge", (0.0, 45.0))
 SETTINGS = tuple(widget.label for widget in (*_WEIGHTS, *_GLOSS))
 """Labels of the items that `UiContext.item` can focus."""
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
@@ -54,6 +55,7 @@ _INTENSITY = 4.0  # the greatest on a slider
 _NAMES = {
     "directional light": "Directional",
     "point light": "Point",
+    "spot": "Spot",
     "headlight": "Headlight",
     "sky": "Ambient",
 }
@@ -204,6 +206,9 @@ def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
         new = draw_field(
             new, ui, form, FormField("falloff_mm", "Falloff", (0.0, 5 * reach), none="none")
         )
+    if isinstance(source, Spot):
+        for widget in _CONE:
+            new = draw_field(new, ui, form, widget)
     if isinstance(source, Ambient):
         radius = FormField("radius_mm", "Radius", (0.0, reach), none="automatic")
         new = draw_field(new, ui, form, radius, disabled=not source.occlusion)

@@ -132,6 +132,9 @@ class Mouse:
                     state = camera.look_at_face(state, self._face)
             elif event.name == "move" and self._drag:
                 state = self._drag_to(state, before, area)
+            elif event.name == "move" and free and state.interface.tool == lighting.FLASHLIGHT:
+                projected = Projection(state.view.camera(state.document.volume), area)
+                state = lighting.carry(state, self._cursor, projected)
             elif event.name == "wheel" and free:
                 # With Shift, some systems report the wheel as horizontal.
                 turn = WHEELS.get(event.modifiers, WHEELS[""])
