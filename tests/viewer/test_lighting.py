@@ -21,7 +21,7 @@ from volspec.camera.projection import Projection
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec, Spot
 from volspec.raycast.lights import as_tuple
 from volspec.spectra import light
-from volspec.viewer.model import lighting, lighting_aim, lights, quality
+from volspec.viewer.model import lighting, lighting_aim, lights, measure, quality
 from volspec.viewer.model.cuts import CutHandle
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
@@ -302,3 +302,4 @@ def test_the_mouse_carries_a_flashlight(tmp_path):
     assert back.position_mm == pytest.approx(torch.position_mm, rel=1e-9)
     assert lighting.carry(still, place, window) is still  # it lies
     assert lighting.toggle_flashlight(carried).state.interface.tool == ""
+    assert "carries the flashlight" in measure.hint(carried)

@@ -459,6 +459,8 @@ class App:
             self._ui.clicked = place
         if button != "left" or not state.interface.tool:
             return state
+        if state.interface.tool not in measure.TOOLS:  # a flashlight, which is laid down
+            return measure.stop(state)
         point = self._screen.point_mm(place)
         if point is None:
             self._notice.show("Nothing is there; click a surface", SHORT_SECONDS)

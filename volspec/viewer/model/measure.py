@@ -89,6 +89,8 @@ def hint(state: ViewState) -> str:
         return ""
     if tool == "label":
         return "Click the point to label; Esc ends"
+    if tool not in TOOLS:
+        return f"The mouse carries the {tool}; a click or Esc lays it down"
     steps = ("first", "second") if tool == "distance" else ("first", "middle", "last")
     return f"Click the {steps[picked]} point of the {tool}; Esc ends"
 
