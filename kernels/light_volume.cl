@@ -17,7 +17,7 @@
 //             and with BY_MASK the mask's codes, its rows' Curve[], in `table`, and Mask
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
-// converging  reads   the padded grid; the light's position
+// converging  reads   the padded grid; float4[], places of the light
 //             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives; or one
 //                     of several numbers of each node; blocked multiplies one
 //
@@ -287,9 +287,11 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
     store(&p, nodes, MIN(light, 1.0f), into, layers);
 }
 
-// Light from a point. place: its position in the grid; world_x, y, z: rows of world_from_grid, in
-// cells; bias: distance from the node at which sampling begins, in cells.
-__kernel void converging(__global const float *restrict sigma, const float4 place,
+// Light from places in the grid, of the same power: a point, or those of a lamp with a radius;
+// world_x, y, z: rows of world_from_grid, in cells; bias: distance from the node at which sampling
+// begins, in cells.
+__kernel void converging(__global const float *restrict sigma,
+                         __global const float4 *restrict lamps, const int count,
                          const float4 world_x, const float4 world_y, const float4 world_z,
                          const float bias, const float part, const int4 nodes, const int4 into,
                          __global ushort *restrict layers) {
@@ -298,47 +300,52 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
     floatL column;
     UNROLL(l, LANES) column.s[l] = p.x + l;
     const float last_x = nodes.x, last_y = nodes.y, last_z = nodes.z, dark = DARK / part;
-    floatN dx = place.x - column.v, dy = place.y - p.y, dz = place.z - p.z;
-    const floatN wx = world_x.x * dx + world_x.y * dy + world_x.z * dz;
-    const floatN wy = world_y.x * dx + world_y.y * dy + world_y.z * dz;
-    const floatN wz = world_z.x * dx + world_z.y * dy + world_z.z * dz;
-    const floatN square = MAX(wx * wx + wy * wy + wz * wz, 1e-30f);
-    const floatN inverse = inverse_root(square), away = square * inverse;
-    dx *= inverse;
-    dy *= inverse;
-    dz *= inverse;
-    floatN depth = 0.0f;
-    for (float begin = bias;; begin += 1.0f) {
-        const floatN left = MAX(MIN(away - begin, 1.0f), 0.0f);
-        const floatN middle = begin + 0.5f * left;
-        const floatN x = column.v + middle * dx, y = p.y + middle * dy, z = p.z + middle * dz;
-        const intN inside = MASK(x > -1.0f) & MASK(x < last_x) & MASK(y > -1.0f) &
-                            MASK(y < last_y) & MASK(z > -1.0f) & MASK(z < last_z);
-        if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < dark))) break;
-        // Lanes beyond the grid read its padding.
-        const floatN cx = MIN(MAX(x, -1.0f), last_x) + 1.0f;
-        const floatN cy = MIN(MAX(y, -1.0f), last_y) + 1.0f;
-        const floatN cz = MIN(MAX(z, -1.0f), last_z) + 1.0f;
-        const intN ix = MIN(CONVERT_INT(cx), nodes.x), iy = MIN(CONVERT_INT(cy), nodes.y),
-                   iz = MIN(CONVERT_INT(cz), nodes.z);
-        const floatN fx = cx - CONVERT_FLOAT(ix), fy = cy - CONVERT_FLOAT(iy),
-                     fz = cz - CONVERT_FLOAT(iz);
-        intL at;
-        at.v = iz * p.slice + iy * p.row + ix + LANES - 1;
-        const int rows[4] = {0, p.row, p.slice, p.slice + p.row};
-        floatL a[4], b[4];
-        UNROLL(l, LANES) {
-            __global const float *here = sigma + (uint)at.s[l];
-            UNROLL(r, 4) {
-                a[r].s[l] = here[rows[r]];
-                b[r].s[l] = here[rows[r] + 1];
+    floatN light = 0.0f;
+    for (int n = 0; n < count; ++n) {
+        const float4 place = lamps[n];
+        floatN dx = place.x - column.v, dy = place.y - p.y, dz = place.z - p.z;
+        const floatN wx = world_x.x * dx + world_x.y * dy + world_x.z * dz;
+        const floatN wy = world_y.x * dx + world_y.y * dy + world_y.z * dz;
+        const floatN wz = world_z.x * dx + world_z.y * dy + world_z.z * dz;
+        const floatN square = MAX(wx * wx + wy * wy + wz * wz, 1e-30f);
+        const floatN inverse = inverse_root(square), away = square * inverse;
+        dx *= inverse;
+        dy *= inverse;
+        dz *= inverse;
+        floatN depth = 0.0f;
+        for (float begin = bias;; begin += 1.0f) {
+            const floatN left = MAX(MIN(away - begin, 1.0f), 0.0f);
+            const floatN middle = begin + 0.5f * left;
+            const floatN x = column.v + middle * dx, y = p.y + middle * dy, z = p.z + middle * dz;
+            const intN inside = MASK(x > -1.0f) & MASK(x < last_x) & MASK(y > -1.0f) &
+                                MASK(y < last_y) & MASK(z > -1.0f) & MASK(z < last_z);
+            if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < dark))) break;
+            // Lanes beyond the grid read its padding.
+            const floatN cx = MIN(MAX(x, -1.0f), last_x) + 1.0f;
+            const floatN cy = MIN(MAX(y, -1.0f), last_y) + 1.0f;
+            const floatN cz = MIN(MAX(z, -1.0f), last_z) + 1.0f;
+            const intN ix = MIN(CONVERT_INT(cx), nodes.x), iy = MIN(CONVERT_INT(cy), nodes.y),
+                       iz = MIN(CONVERT_INT(cz), nodes.z);
+            const floatN fx = cx - CONVERT_FLOAT(ix), fy = cy - CONVERT_FLOAT(iy),
+                         fz = cz - CONVERT_FLOAT(iz);
+            intL at;
+            at.v = iz * p.slice + iy * p.row + ix + LANES - 1;
+            const int rows[4] = {0, p.row, p.slice, p.slice + p.row};
+            floatL a[4], b[4];
+            UNROLL(l, LANES) {
+                __global const float *here = sigma + (uint)at.s[l];
+                UNROLL(r, 4) {
+                    a[r].s[l] = here[rows[r]];
+                    b[r].s[l] = here[rows[r] + 1];
+                }
             }
+            const floatN low = lerp(lerp(a[0].v, b[0].v, fx), lerp(a[1].v, b[1].v, fx), fy);
+            const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
+            depth += left * lerp(low, high, fz);
         }
-        const floatN low = lerp(lerp(a[0].v, b[0].v, fx), lerp(a[1].v, b[1].v, fx), fy);
-        const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
-        depth += left * lerp(low, high, fz);
+        light += exp_minus(part * depth);
     }
-    store(&p, nodes, exp_minus(part * depth), into, layers);
+    store(&p, nodes, light / (float)count, into, layers);
 }
 
 // Takes what surfaces keep from the nodes: parts of 65535 that arrive.

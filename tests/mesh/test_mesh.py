@@ -513,3 +513,31 @@ def test_a_spot_lights_the_cone_it_is_aimed_at():
     expected = cosine * t * t * (3 - 2 * t)
     assert np.abs(image.coefficients[64, :, 0] - expected).max() < 1e-3
     assert np.ptp(expected) > 0.99
+
+
+def test_a_lamp_with_a_radius_has_the_penumbra_of_its_disc():
+    """Behind a straight edge the lit part is that of the disc beyond a chord, to a fiftieth."""
+    radius, height, edge_z = 12.0, 200.0, 60.0
+    lamp = vs.Point((0.0, 0.0, height), shadows=True, radius_mm=radius)
+    shadowed, free = (
+        vs.RaycastSpec(diffuse=1.0, specular=0.0, groups=(vs.LightGroup("lamp", (source,)),))
+        for source in (lamp, replace(lamp, shadows=False))
+    )
+    camera = vs.Camera((0.0, 0.0, 50.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), height_mm=40.0)
+    floor = vs.shape_mesh("plane", 400.0, "white")
+    # Its edge is at x = 0, above the camera.
+    cover = vs.shape_mesh("plane", 400.0, "white").placed((-200.0, 0.0, edge_z))
+    pictures = [
+        np.float64(
+            vs.cast_meshes([floor, cover], WHITE, BASIS, camera, (161, 161), spec).layer("lamp")
+        )
+        for spec in (shadowed, free)
+    ]
+    lit = (pictures[0] / pictures[1])[80, :, 0]
+    x = (np.arange(161) + 0.5) * 40 / 161 - 20
+    # The edge, seen from a point of the floor, at the lamp's height.
+    chord = x + (0.0 - x) * height / edge_z
+    t = np.clip(-chord / radius, -1, 1)
+    expected = 0.5 + (t * np.sqrt(1 - t * t) + np.arcsin(t)) / np.pi
+    assert np.abs(lit - expected).max() < 0.02
+    assert (lit[0], lit[-1]) == (0.0, 1.0)

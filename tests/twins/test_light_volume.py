@@ -114,7 +114,8 @@ def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
     on_a_node = tuple(half_engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
     inside = vs.Point((x + 3, y - 7, z), shadows=True)
     torch = vs.Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
-    spec = lit(inside, vs.Point(on_a_node, shadows=True), torch)
+    wide = vs.Point((300.0, -80.0, 200.0), shadows=True, radius_mm=60.0)
+    spec = lit(inside, vs.Point(on_a_node, shadows=True), torch, wide)
     assert_alike(half_engine, three_channels, spec, turned(half_engine, -70, 35))
 
 

@@ -16,7 +16,7 @@ from volspec._triangles import cosine_directions
 from volspec.basis import Basis, SpectralBasis
 from volspec.camera import Camera
 from volspec.mesh.grating import Grating
-from volspec.raycast import Ambient, Directional, Point, RaycastSpec, Source
+from volspec.raycast import Ambient, Directional, Point, RaycastSpec, Source, lamp_points
 from volspec.raycast.launch import (
     FAR,
     Transmittance,
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 # Rays of ambient occlusion from each point, and where some of them are closed: a step of one in 32
 # would be seen as a band. Without a radius they reach this part of the meshes.
 _RAYS, _MORE_RAYS, _REACH = 32, 128, 0.1
+# To a lamp that is partly hidden: within a fiftieth for a straight edge.
+_LAMP_RAYS = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,12 +140,25 @@ class Lighting:
 
     def _passed(self, points: Array, towards: Array, source: Directional | Point) -> Array:
         """Return the part (K,) of a source's light that meshes let pass."""
-        if isinstance(source, Point):
-            place = self.camera.place_mm(source.position_mm, source.frame)
-            ends = np.broadcast_to(place, towards.shape)
-        else:
-            ends = points + FAR * towards
-        return self.clear(points, ends)
+        if not isinstance(source, Point):
+            return self.clear(points, points + FAR * towards)
+        place = self.camera.place_mm(source.position_mm, source.frame)
+        if source.radius_mm is None:
+            return self.clear(points, np.broadcast_to(place, towards.shape))
+
+        radius = source.radius_mm
+
+        def fraction(points: Array, *counts: int) -> Array:
+            visible = [
+                self.clear(points, lamp) for lamp in lamp_points(place, radius, points, *counts)
+            ]
+            return np.asarray(np.mean(visible, axis=0))
+
+        # Where the rim is seen whole, and some of the disc, so is all of it.
+        passed = fraction(points, _RAYS // 2, _RAYS)
+        partly = (passed > 0.0) & (passed < 1.0)
+        passed[partly] = fraction(points[partly], _LAMP_RAYS)
+        return passed
 
     def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
         """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""

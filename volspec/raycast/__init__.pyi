@@ -12,6 +12,7 @@ from .lights import (
     Point as Point,
     Source as Source,
     Spot as Spot,
+    lamp_points as lamp_points,
 )
 from .progressive import Pace as Pace, Pass as Pass, WHOLE as WHOLE
 from .step_search import Quality as Quality, TARGETS as TARGETS

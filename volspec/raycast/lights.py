@@ -8,10 +8,13 @@ spectrum and weight when the picture is relit.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from volspec._checks import Direction, Weight
@@ -22,6 +25,7 @@ from volspec.settings import Hint, Positive, Unit, Vector, kind_of, settings
 Frame = Literal["world", "camera"]
 # Within this fraction of its falloff distance, a lamp gets no brighter.
 NEAR_LAMP = 0.1
+_GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 # Difference of cosines over which the sharpest cone ends.
 _SHARPEST = 1e-4
 MAX_GROUPS = 8
@@ -87,6 +91,8 @@ class Point:
     falloff_mm: Annotated[Positive, Unit("mm")] | None = None
     """Distance at which the light has its intensity, which falls with the square of the distance;
     constant if left out. Within a tenth of this distance the light gets no brighter."""
+    radius_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Radius of the lamp, a disc that faces what it lights: its shadows are soft."""
 
 
 @settings(RaycastError)
@@ -131,6 +137,27 @@ Source = Annotated[
     Discriminator(kind_of),
     Hint("Ambient, Headlight, Directional, Point or Spot", whole=True),
 ]
+
+
+def lamp_points(
+    place_mm: ArrayLike, radius_mm: float, towards_mm: ArrayLike, count: int, rim: int = 0
+) -> Iterator[NDArray[np.float64]]:
+    """Yield places (K, 3) on discs about a place, in a spiral of the golden angle; first the rim's.
+
+    Each disc faces one of the points (K, 3), of which there may be one.
+    """
+    place, points = np.asarray(place_mm, float), np.atleast_2d(np.asarray(towards_mm, float))
+    axis = points - place
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-30)
+    # The world's axis that is most across.
+    helper = np.eye(3)[np.abs(axis).argmin(axis=1)]
+    right = np.cross(axis, helper)
+    right = right / np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-30)
+    up = np.cross(axis, right)
+    spots = [(1.0, 2.0 * math.pi * n / rim) for n in range(rim)]
+    spots += [(math.sqrt((n + 0.5) / count), n * _GOLDEN_ANGLE) for n in range(count)]
+    for reach, angle in spots:
+        yield place + radius_mm * reach * (math.cos(angle) * right + math.sin(angle) * up)
 
 
 def as_tuple(value: object) -> object:

@@ -678,7 +678,8 @@ def layers(
         if layer.kind == "directional":
             arrays.append(_along_direction(sigma, grid, np.array(layer.vector), *layer.steps(grid)))
         elif layer.kind == "point":
-            arrays.append(_towards(sigma, grid, np.array(layer.vector)))
+            lamps = layer.lamps_mm(grid)
+            arrays.append(np.mean([_towards(sigma, grid, lamp) for lamp in lamps], axis=0))
         else:
             steps = layer.steps(grid)
             rays = [_along_direction(sigma, grid, d, *steps) for d in sphere_directions()]

@@ -44,7 +44,7 @@ from volspec.raycast.launch.kernel_arguments import (
 )
 from volspec.raycast.launch.masks import MIXED
 from volspec.raycast.launch.sampling import trilinear
-from volspec.raycast.lights import Ambient, Directional, Point
+from volspec.raycast.lights import Ambient, Directional, Point, lamp_points
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, Table, Tables, TransferTable
 from volspec.volume import Volume
@@ -59,6 +59,8 @@ SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 PHYSICAL_BIAS = 1.5
 MAX_CELLS = 512
 DIRECTIONS = 24
+# Places on a lamp with a radius: each takes as long as a point. Between nodes, steps are smoothed.
+LAMP_POINTS = 32
 # In cells or larger voxels: distance in front of surfaces, along the normal, at which light is
 # read; nodes within and behind them are dark. Without a gradient (in homogeneous media) the
 # distance falls to 0.
@@ -204,7 +206,7 @@ class LightLayer:
     kind: Literal["directional", "point", "occlusion"]
     # In the world: unit direction towards a directional light, or a point light's position in mm.
     vector: Vector = (0.0, 0.0, 0.0)
-    radius_mm: float = 0.0  # matter occludes up to this distance
+    radius_mm: float = 0.0  # matter occludes up to this distance; of a lamp, its own
 
     def steps(self, grid: LightGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return midpoints and lengths, in cells, of the steps along a ray from a node.
@@ -215,6 +217,16 @@ class LightLayer:
             return steps(grid.shadow_bias, grid.shadow_bias + grid.diagonal_steps)
         begin = grid.occlusion_bias
         return steps(begin, min(self.radius_mm / grid.cell_mm, begin + grid.diagonal_steps))
+
+    def lamps_mm(self, grid: LightGrid) -> NDArray[np.float64]:
+        """Return places (K, 3) of a point light: one, or a disc's, which faces the grid."""
+        if not self.radius_mm:
+            return np.array([self.vector])
+        middle = (np.array(grid.shape_xyz) - 1.0) / 2.0
+        to_world = np.linalg.inv(grid.grid_from_world[:3, :3])
+        middle_mm = to_world @ (middle - grid.grid_from_world[:3, 3])
+        points = lamp_points(self.vector, self.radius_mm, middle_mm, LAMP_POINTS)
+        return np.concatenate(list(points))
 
     @property
     def key(self) -> tuple[str, Vector, float]:
@@ -236,7 +248,7 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
             layers.append(LightLayer(number, "directional", (x, y, z)))
         elif isinstance(source, Point) and source.shadows:
             x, y, z = camera.place_mm(source.position_mm, source.frame).tolist()
-            layers.append(LightLayer(number, "point", (x, y, z)))
+            layers.append(LightLayer(number, "point", (x, y, z), source.radius_mm or 0.0))
         elif isinstance(source, Ambient) and source.occlusion:
             sides = np.multiply(np.array(volume.shape_xyz) - 1, volume.spacing_mm)
             radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
@@ -314,7 +326,9 @@ def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Visibility) -> NDA
     """Return the part (nodes,) of a source's light that surfaces let pass to each node."""
     nodes = grid.positions()
     if layer.kind == "point":
-        return clear(nodes, np.broadcast_to(layer.vector, nodes.shape)).astype(np.float64)
+        lamps = layer.lamps_mm(grid)
+        visible = [clear(nodes, np.broadcast_to(lamp, nodes.shape)) for lamp in lamps]
+        return np.asarray(np.mean(visible, axis=0, dtype=np.float64))
     if layer.kind == "directional":
         return clear(nodes, nodes + _far(layer, grid)).astype(np.float64)
     free = [clear(nodes, nodes + layer.radius_mm * vector) for vector in sphere_directions()]
@@ -668,9 +682,12 @@ class LightVolume:
         sigma = sigma or self._sigma
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
-            lamp = grid.grid_from_world @ [*layer.vector, 1.0]
-            light = *_float4s(lamp[:3], *world), np.float32(grid.shadow_bias)
-            self._launch("converging", packets, (sigma, *light, *end))
+            matrix, places = grid.grid_from_world, layer.lamps_mm(grid)
+            lamps = np.zeros((len(places), 4), np.float32)
+            lamps[:, :3] = places @ matrix[:3, :3].T + matrix[:3, 3]
+            light = *_float4s(*world), np.float32(grid.shadow_bias)
+            lit_from = self._compute.upload(lamps), np.int32(len(lamps))
+            self._launch("converging", packets, (sigma, *lit_from, *light, *end))
         else:
             light = self._parallel(layer, grid, gain)
             self._launch("parallel", packets, (sigma, *light, *end))
