@@ -183,7 +183,7 @@ def test_the_viewer_s_floors_import_only_from_below():
             (
                 *("volume/model.py", "volume/files/vtk.py", "volume/files/vtk_grid.py"),
                 *("raycast/vtk_interop.py", "relight/vtk_interop.py", "_triangles.py"),
-                *("mesh/model.py", "mesh/shapes.py", "mesh/texture.py"),
+                *("mesh/model.py", "mesh/shapes.py", "mesh/pictures.py"),
             ),
         ),
         ("SimpleITK", ("volume/files/",)),

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._child import child_command
-from volspec._confine import confined_folder, require_inside
+from volspec._confine import require_inside
 from volspec._extras import require_extra
 from volspec._parse import parse_json
 from volspec.errors import InputError, nearest
@@ -39,9 +39,49 @@ _READER = """
 import os, sys, warnings
 warnings.simplefilter("ignore")
 import numpy, pyvista
-read = pyvista.read(sys.argv[2])
+reader = pyvista.get_reader(sys.argv[2])
+read = reader.read()
 if isinstance(read, pyvista.MultiBlock):
+    # Of glTF: combining keeps only what all parts have.
+    parts = [part for part in read.recursive_iterator(skip_none=True) if part.n_points]
+    rows = [dict(part.field_data.items()) for part in parts]
+    pictures = [int(row.get("BaseColorTextureIndex", [-1])[0]) for row in rows]
+    coloured = any("COLOR_0" in part.point_data for part in parts)
+    for number, (part, row) in enumerate(zip(parts, rows)):
+        part.cell_data["MaterialIds"] = numpy.full(part.n_cells, number, numpy.int32)
+        if coloured:
+            colour = part.point_data.get("COLOR_0", numpy.ones((part.n_points, 3)))[:, :3]
+            scale = numpy.iinfo(colour.dtype).max if colour.dtype.kind == "u" else 1
+            part.point_data["COLOR_0"] = numpy.float32(colour / scale)
+        if max(pictures) >= 0:
+            uv = f"TEXCOORD_{int(row.get('BaseColorTexCoordIndex', [0])[0])}"
+            uv = part.point_data.get(uv, numpy.zeros((part.n_points, 2), numpy.float32))
+            part.active_texture_coordinates = uv
+        part.field_data.clear()
     read = read.combine()
+    white = [[1, 1, 1, 1]]
+    read.field_data["Factors"] = numpy.float32(
+        [row.get("BaseColorMultiplier", white)[0][:3] for row in rows] or white
+    )
+    read.field_data["Pictures"] = numpy.int32(pictures)
+    for number in {*pictures} - {-1}:
+        image = pyvista.wrap(reader.reader.GetTexture(number).GetVTKTexture().GetInput())
+        read.field_data[f"Picture {number}"] = image.point_data.values()[0]
+        read.field_data[f"Width {number}"] = [image.dimensions[0]]
+elif "MaterialNames" in read.field_data:
+    # Of OBJ: texture coordinates are an array for each material, the file's first 'NO_MATERIAL'.
+    names, polys = read.field_data["MaterialNames"].tolist(), read.GetPolys()
+    names = [names[0] if name == "NO_MATERIAL" else name for name in names]
+    read.field_data["MaterialNames"] = names
+    arrays = {name: read.point_data.pop(name) for name in {*names, "TCoords"} & {*read.point_data}}
+    corners = pyvista.convert_array(polys.GetConnectivityArray())
+    counts = numpy.diff(pyvista.convert_array(polys.GetOffsetsArray()))
+    ids = numpy.repeat(read.cell_data["MaterialIds"][-len(counts):], counts)
+    uv = numpy.zeros((read.n_points, 2), numpy.float32)
+    for number, name in enumerate(names if arrays else ()):
+        used = corners[ids == number]
+        uv[used] = arrays.get(name, arrays.get("TCoords", uv))[used]
+        read.active_texture_coordinates = uv
 if isinstance(read, pyvista.PolyData):
     cells = [read.GetPolys(), read.GetStrips()]
     used = [pyvista.convert_array(each.GetConnectivityArray()) for each in cells]
@@ -194,8 +234,8 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
 
 
 def _require_parts_inside(path: Path, refused: type[InputError]) -> None:
-    """Raise ``refused`` if a glTF file names files that must not be opened; others name none."""
-    if confined_folder() is None or path.suffix.lower() not in (".gltf", ".glb"):
+    """Raise ``refused`` if a glTF file names files that are missing or must not be opened."""
+    if path.suffix.lower() not in (".gltf", ".glb"):
         return
     data = path.read_bytes()
     if data[:4] == b"glTF":
@@ -207,6 +247,9 @@ def _require_parts_inside(path: Path, refused: type[InputError]) -> None:
         for uri in (u for u in named if not u.startswith("data:")):
             for name in (uri, unquote(uri)):
                 require_inside(path.parent / name, refused)
+            if not (path.parent / unquote(uri)).exists():
+                problem = f"{path}: names {unquote(uri)}, which is missing"
+                raise refused(problem, "put it there", code="not-found")
     except (ValueError, TypeError, AttributeError) as error:
         if isinstance(error, InputError):
             raise

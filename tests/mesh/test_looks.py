@@ -132,7 +132,8 @@ def test_colours_in_gltf_are_linear_light(tmp_path):
 def test_meshes_without_colours_keep_their_material(tmp_path):
     pyvista.Cone().save(tmp_path / "cone.ply")
     assert vs.Mesh.load(tmp_path / "cone.ply", "red", own_colours=True).material == "red"
-    scene = vs.Scene.from_mesh(tmp_path / "cone.ply", lights=["D65"])
+    with pytest.warns(VolspecWarning, match="cone.ply: has no colours, and is shown as copper"):
+        scene = vs.Scene.from_mesh(tmp_path / "cone.ply", lights=["D65"])
     assert not scene.file.mesh[0].own_colours and scene.file.mesh[0].material == "copper"
 
 

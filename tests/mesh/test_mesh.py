@@ -383,6 +383,7 @@ def test_a_box_keeps_the_camera_when_meshes_are_added(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*shown as copper")
 def test_a_mesh_s_file_becomes_a_scene(folder):
     scene = vs.Scene.from_mesh(folder / "core.ply", lights=["A"])
     assert [light.name for light in scene.lights] == ["A"]
@@ -409,6 +410,7 @@ def test_a_mesh_outside_the_view_changes_nothing_of_a_volume():
         assert np.abs(image.alpha - bare.alpha).max() < 1e-6
 
 
+@pytest.mark.filterwarnings("ignore:.*shown as copper")
 def test_a_vtk_file_is_a_mesh_or_a_volume(tmp_path):
     pyvista.Cone().save(tmp_path / "cone.vtk")
     pyvista.ImageData(dimensions=(4, 4, 4)).save(tmp_path / "box.vtk")

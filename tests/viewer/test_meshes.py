@@ -147,7 +147,7 @@ def test_meshes_are_added_from_files(opened, tmp_path):
         (tmp_path / name).write_text("no mesh" * name.startswith("noise"), encoding="utf-8")
     names = ("tile.glb", "empty.ply", "noise.obj", "noise.glb", "gone.stl")
     read = read_meshes(opened, tuple(str(tmp_path / name) for name in names))
-    assert read.rows == (MeshSpec(file="tile.glb", material="wax"),)
+    assert read.rows == (MeshSpec(file="tile.glb", material="wax", own_colours=True),)
     for name, error in zip(names[1:], read.errors, strict=True):
         assert error.startswith(str(tmp_path / name)) and "\n" not in error
     new = meshes.add(opened, read.rows)

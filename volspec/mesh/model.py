@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec._extras import require_extra
 from volspec._triangles import read_triangles
-from volspec.appearance.display import sRGB_CURVE
 from volspec.errors import Code, MeshError, VolspecWarning, quote
+from volspec.mesh.base_colours import BaseColours, colour_array, file_colours
 from volspec.mesh.grating import Grating
 from volspec.mesh.texture import Texture
 
@@ -32,8 +32,6 @@ Array = NDArray[np.float64]
 SMOOTH_DEG = 30.0
 # A triangle is degenerate if its height is below this part of its longest side.
 _MIN_HEIGHT = 1e-7
-# Arrays of colours, as files name them, in lower case.
-_COLOURS = ("rgb", "rgba", "color", "colors", "colour", "colours", "color_0")
 # Sizes that differ by more look like a wrong unit.
 _UNITS = 100.0
 
@@ -48,9 +46,10 @@ class Mesh:
         Points of the volume's world.
     triangles : (T, 3) array_like of int
         Indices of points.
-    material : str, {str: (N,) or (T,) array_like}, Texture or (N, 3) or (T, 3) array
+    material : str, {str: (N,) or (T,) array_like}, Texture, (N, 3) or (T, 3) array, or BaseColours
         Name of the material; or the share of each at points, or in triangles, which are divided
-        by their sum; or a texture; or sRGB codes at points or in triangles, as of a texture.
+        by their sum; or a texture; or sRGB codes at points or in triangles, as of a texture; or
+        the colours of a file's materials.
     normals : (N, 3) array_like, optional
         Of smooth edges; if left out, triangles are flat.
     uv : (N, 2) array_like, optional
@@ -86,7 +85,7 @@ class Mesh:
 
     points_mm: Array
     triangles: NDArray[np.intp]
-    material: str | Mapping[str, ArrayLike] | Texture | NDArray[Any] = "white"
+    material: str | Mapping[str, ArrayLike] | Texture | NDArray[Any] | BaseColours = "white"
     normals: Array | None = None
     name: str = "mesh"
     uv: Array | None = None
@@ -122,15 +121,18 @@ class Mesh:
                     shape = f"{name} have shape {array.shape}"
                     raise self._error(shape, f"give {(len(points), columns)}")
                 object.__setattr__(self, name, array)
-        if isinstance(self.material, Texture):
-            if self.uv is None:
-                remedy = "unwrap it where it was made, or give uv"
-                raise self._error("has no texture coordinates", remedy, "missing")
+        colours = self.material if isinstance(self.material, BaseColours) else None
+        textured = isinstance(self.material, Texture) or (colours and any(colours.textures))
+        if textured and self.uv is None:
+            remedy = "unwrap it where it was made, or give uv"
+            raise self._error("has no texture coordinates", remedy, "missing")
+        if colours is not None:
+            object.__setattr__(self, "material", replace(colours, number=colours.number[valid]))
         elif isinstance(self.material, Mapping):
             object.__setattr__(self, "material", self._fractions(self.material, valid))
         elif isinstance(self.material, np.ndarray):
             object.__setattr__(self, "material", self._colours(self.material, valid))
-        elif not isinstance(self.material, str):
+        elif not isinstance(self.material, str | Texture):
             remedy = "give a name, shares of names, a Texture or an array of colours"
             raise self._error(f"material is {quote(self.material)}", remedy, "type")
         for name, minimum in (("opacity", 1e-3), ("mirror", 0.0)):
@@ -201,7 +203,7 @@ class Mesh:
         """Names of its materials."""
         if isinstance(self.material, Texture):
             return tuple(self.material.materials)
-        if isinstance(self.material, np.ndarray):
+        if isinstance(self.material, np.ndarray | BaseColours):
             return ()
         return (self.material,) if isinstance(self.material, str) else tuple(self.material)
 
@@ -222,7 +224,8 @@ class Mesh:
         path : path
         material : str or Texture
         own_colours : bool
-            Prefer the file's own colours, at points or in triangles, where it has some.
+            Prefer the file's own colours, of its materials, at points or in triangles, where it
+            has some.
         unit_mm : float
             Millimetres of the file's unit.
         smooth_deg : float
@@ -243,20 +246,19 @@ class Mesh:
                 consistent_normals=False,
                 auto_orient_normals=False,
             )
-        mesh = cls.of(surface, material, path.name, own_colours)
+        colours = file_colours(path, surface) if own_colours else None
+        look = material if colours is None else colours
+        mesh = cls.of(surface, look, path.name)
         uv, is_gltf = mesh.uv, path.suffix.lower() in (".gltf", ".glb")
         if uv is not None and is_gltf:
             uv = uv * (1.0, -1.0) + (0.0, 1.0)  # from the upper left corner
-        look = mesh.material
-        if isinstance(look, np.ndarray) and is_gltf:
-            look = sRGB_CURVE.encode(look / 65535.0)  # linear light there
-        return replace(mesh, points_mm=mesh.points_mm * unit_mm, uv=uv, material=look)
+        return replace(mesh, points_mm=mesh.points_mm * unit_mm, uv=uv)
 
     @classmethod
     def of(
         cls,
         surface: pyvista.DataSet,
-        material: str | Texture = "white",
+        material: str | Texture | NDArray[Any] | BaseColours = "white",
         name: str = "mesh",
         own_colours: bool = False,
     ) -> Mesh:
@@ -268,7 +270,7 @@ class Mesh:
         faces = surface.extract_surface(algorithm=None).triangulate()
         normals, uv = faces.point_data.get("Normals"), faces.active_texture_coordinates
         triangles = faces.faces.reshape(-1, 4)[:, 1:]
-        colours = _colours_of(faces) if own_colours else None
+        colours = colour_array(faces) if own_colours else None
         look = material if colours is None else colours
         return cls(faces.points, triangles, look, normals, name, uv)
 
@@ -285,6 +287,10 @@ class Mesh:
             arrays.append(self.material.texels)
         elif isinstance(self.material, np.ndarray):
             arrays.append(self.material)
+        elif isinstance(self.material, BaseColours):
+            look = self.material
+            arrays += [look.factors, look.number, look.linear]
+            arrays += [texture and texture.texels for texture in look.textures]
         for array in arrays:
             digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
         return digest.digest()
@@ -323,6 +329,8 @@ class Mesh:
             return self
         require_extra("vtk", f"a cut of mesh {self.name!r}")
         import pyvista
+        from vtkmodules.vtkCommonDataModel import vtkNonMergingPointLocator, vtkPlane
+        from vtkmodules.vtkFiltersCore import vtkClipPolyData
 
         faces = pyvista.PolyData.from_regular_faces(self.points_mm, self.triangles)
         looks = {"normals": self.normals, "uv": self.uv}
@@ -330,13 +338,23 @@ class Mesh:
             looks |= {f"of {name}": np.asarray(array) for name, array in self.material.items()}
         elif isinstance(self.material, np.ndarray):
             looks["colours"] = self.material
+        elif isinstance(self.material, BaseColours):
+            looks |= {"colours": self.material.linear, "number": self.material.number}
         for name, array in looks.items():
             if array is not None:
-                at_points = len(array) == len(self.points_mm)
+                at_points = len(array) == len(self.points_mm) and name != "number"
                 (faces.point_data if at_points else faces.cell_data)[name] = array
         for *normal, offset in planes:
             origin = offset * np.array(normal) / np.dot(normal, normal)
-            faces = faces.clip(normal, origin=origin, invert=False).triangulate()
+            # Corners that differ in texture coordinates or normals stay apart.
+            plane, clip = vtkPlane(), vtkClipPolyData()
+            plane.SetOrigin(origin)
+            plane.SetNormal(normal)
+            clip.SetClipFunction(plane)
+            clip.SetLocator(vtkNonMergingPointLocator())
+            clip.SetInputData(faces)
+            clip.Update()
+            faces = pyvista.wrap(clip.GetOutput()).triangulate()
             if faces.n_cells == 0:
                 return None
         corners = faces.regular_faces
@@ -353,14 +371,9 @@ class Mesh:
             changes["material"] = {name: clipped(f"of {name}") for name in self.material}
         elif isinstance(self.material, np.ndarray):
             changes["material"] = clipped("colours")
+        elif isinstance(self.material, BaseColours):
+            linear = None if self.material.linear is None else clipped("colours")
+            number = np.asarray(clipped("number"), np.intp)
+            changes["material"] = replace(self.material, number=number, linear=linear)
         points = np.asarray(faces.points)
         return replace(self, points_mm=points, triangles=corners[valid], **changes)
-
-
-def _colours_of(faces: pyvista.PolyData) -> NDArray[Any] | None:
-    """Return the colours (N, C) at points, or (T, C) in triangles, of a data set that has any."""
-    for data in (faces.point_data, faces.cell_data):
-        for name, array in data.items():
-            if name.lower() in _COLOURS:
-                return np.asarray(array)
-    return None

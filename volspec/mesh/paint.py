@@ -10,13 +10,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.appearance.display import sRGB_CURVE, to_uint16
 from volspec.basis import Basis
 from volspec.errors import MeshError, nearest
+from volspec.mesh.base_colours import BaseColours
 from volspec.mesh.model import Mesh
 from volspec.mesh.texture import (
     Texels,
     Texture,
     channel_lattice,
+    interpolate,
     interpolate_on_device,
     pyramid,
     sample,
@@ -36,6 +39,8 @@ def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> P
     channels = {name: _channels(mesh, name, materials, basis) for name in mesh.materials}
     if isinstance(mesh.material, Texture):
         return _texture_paint(mesh, pyramid(texel_channels(mesh.material, channels, basis)))
+    if isinstance(mesh.material, BaseColours):
+        return _base_colour_paint(mesh, mesh.material, channel_lattice(basis, mesh.name))
     if isinstance(mesh.material, str):
         only = channels[mesh.material]
         return lambda triangle, weights, width_mm: np.tile(only, (len(triangle), 1))
@@ -80,6 +85,28 @@ def _texture_paint(mesh: Mesh, levels: list[Texels]) -> Paint:
         return sample(levels, coords, width_mm * per_mm[triangle]).astype(np.float64)
 
     return textured
+
+
+def _base_colour_paint(mesh: Mesh, colours: BaseColours, lattice: NDArray[np.float32]) -> Paint:
+    """Return a function of points: linear light of factors, textures and points is multiplied."""
+    textures = [*dict.fromkeys(colours.textures)]
+    paints = [t and _texture_paint(mesh, pyramid(t.linear())) for t in textures]
+    textured = np.array([textures.index(t) for t in colours.textures])
+
+    def coloured(triangle: NDArray[np.intp], weights: Array, width_mm: Array) -> Array:
+        numbers = colours.number[triangle]
+        linear = colours.factors[numbers]
+        if colours.linear is not None:
+            corners = colours.linear[mesh.triangles[triangle]]
+            linear *= np.einsum("ki,kic->kc", weights, corners)
+        for number, paint in enumerate(paints):
+            rows = np.flatnonzero(textured[numbers] == number)
+            if paint is not None:
+                linear[rows] *= paint(triangle[rows], weights[rows], width_mm[rows])
+        codes = to_uint16(sRGB_CURVE.encode(linear))
+        return interpolate(lattice, codes).astype(np.float64)
+
+    return coloured
 
 
 def _channels(mesh: Mesh, name: str, materials: Mapping[str, Spectrum], basis: Basis) -> Array:

@@ -14,7 +14,6 @@ References
 from __future__ import annotations
 
 import hashlib
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,12 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._cache import cached_arrays
-from volspec._confine import require_inside
-from volspec._extras import require_extra
-from volspec._files import captured_output
 from volspec._gpu import Compute, assemble, prelude
+from volspec.appearance.display import sRGB_CURVE
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import Code, MeshError
+from volspec.mesh.pictures import read_picture
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
 from volspec.spectra.construct import XYZ_from_sRGB
 
@@ -40,7 +38,6 @@ SIDE = 33
 _MAX_CODE = 65535
 # Version of the lattice's reflectances in the cache.
 _MAKER = "delaunay D65 1"
-_FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 _MAX_TEXELS = 2**28
 _GROUP = 64
 
@@ -141,13 +138,18 @@ class Texture:
             raise self._error("somewhere no material has a share", "give one at least", "range")
         return fractions / total
 
+    def linear(self) -> Texels:
+        """Return linear light (H, W, 3) of codes."""
+        table = sRGB_CURVE.decode(np.arange(_MAX_CODE + 1) / _MAX_CODE).astype(np.float16)
+        return table[self.texels]
+
     @classmethod
     def load(cls, path: str | Path, materials: Sequence[str] = ()) -> Texture:
         """Read PNG, JPEG, TIFF or BMP: sRGB colours, or numbers of materials as grey values.
 
         Raises MeshError if the file cannot be read or does not fit.
         """
-        texels = _read(Path(path))
+        texels = read_picture(Path(path))
         name = Path(path).name
         if materials and texels.ndim == 3:
             raise MeshError(
@@ -165,7 +167,7 @@ class Texture:
         """
         arrays: dict[str, NDArray[Any]] = {}
         for name, path in files.items():
-            grey = _read(Path(path))
+            grey = read_picture(Path(path))
             if grey.ndim != 2:
                 channels = f"{path}: has {grey.shape[2]} channels"
                 raise MeshError(channels, "shares are grey values", code="shape")
@@ -175,37 +177,6 @@ class Texture:
                 raise MeshError(problem, "give all the same size", code="shape")
             arrays[name] = grey / (np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0)
         return cls(np.stack([*arrays.values()], axis=2), tuple(arrays), ", ".join(map(str, arrays)))
-
-
-def _read(path: Path) -> NDArray[Any]:
-    """Return an image file's texels (H, W) or (H, W, channels)."""
-    require_extra("vtk", str(path))
-    import pyvista
-
-    if path.suffix.lower() not in _FORMATS:
-        raise MeshError(
-            f"{path}: not a known format of images",
-            f"known: {', '.join(_FORMATS)}",
-            code="unsupported",
-        )
-    require_inside(path, MeshError)
-    if not path.exists():
-        raise MeshError(f"{path}: no such file", "check the path", code="not-found")
-    _require_whole(path)
-    cause: Exception | None = None
-    image: Any = None
-    with warnings.catch_warnings(), captured_output([]):
-        warnings.simplefilter("ignore")
-        try:
-            # VTK's readers keep 16 bits.
-            image = pyvista.read(path)
-        except Exception as error:  # of any of VTK's readers
-            cause = error
-    scalars = None if image is None else image.active_scalars
-    if scalars is None or not len(scalars):
-        raise _damage_error(path) from cause
-    width, height, _ = image.dimensions
-    return np.asarray(scalars).reshape(height, width, *scalars.shape[1:])[::-1]
 
 
 def reflectance_lattice(grid: SpectralGrid) -> NDArray[np.float32]:
@@ -332,25 +303,3 @@ def _bilinear(texels: Texels, uv: Array) -> NDArray[np.float32]:
     upper = (1.0 - right) * texel(0, 0) + right * texel(1, 0)
     lower = (1.0 - right) * texel(0, 1) + right * texel(1, 1)
     return (1.0 - low) * upper + low * lower
-
-
-def _require_whole(path: Path) -> None:
-    """Raise MeshError if a picture ends early; VTK's readers crash then, or say nothing."""
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of large ones, which VTK reads
-            with Image.open(path) as image:
-                image.load()
-    except Image.DecompressionBombError:
-        return
-    except UnidentifiedImageError as error:
-        if path.suffix.lower() not in (".tif", ".tiff"):  # of which VTK reads more
-            raise _damage_error(path) from error
-    except (OSError, SyntaxError, ValueError) as error:
-        raise _damage_error(path) from error
-
-
-def _damage_error(path: Path) -> MeshError:
-    return MeshError(f"{path}: cannot be read", "save it again", code="damaged")

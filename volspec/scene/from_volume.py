@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from volspec._files import is_remote
 from volspec.camera import Orbit, radius_mm, slice_view
-from volspec.errors import SceneError
+from volspec.errors import SceneError, VolspecWarning
 from volspec.raycast import framing
 from volspec.scene.file import SceneFile
 from volspec.scene.tables.specs import BasisSpec, CameraSpec
@@ -124,8 +125,15 @@ def mesh_file(path: Path, lights: Sequence[str] = (), camera: Orbit | None = Non
 
 
 def of_own_colours(file: SceneFile, surfaces: Sequence[Mesh]) -> SceneFile:
-    """Return the file with a basis for its meshes' colours, or without ``own_colours``."""
+    """Return the file with a basis for its meshes' colours, or without ``own_colours``.
+
+    Warns that a mesh without colours is shown as copper.
+    """
     if all(mesh.materials for mesh in surfaces):
+        name = file.mesh[0].name
+        text = f"{name}: has no colours, and is shown as copper; for another reflectance"
+        remedy = f"`volspec scene new {name}` and change [[material]] in the scene"
+        warnings.warn(f"{text}, {remedy}", VolspecWarning, stacklevel=3)
         return replace(file, mesh=tuple(replace(row, own_colours=False) for row in file.mesh))
     return replace(file, basis=BasisSpec())
 

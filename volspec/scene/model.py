@@ -300,12 +300,19 @@ class Scene:
         SceneError
             If the mesh cannot be read, or a light is unknown.
 
+        Warns
+        -----
+        VolspecWarning
+            If the mesh has no colours, and is shown as copper.
+
         Examples
         --------
         >>> from tempfile import TemporaryDirectory
+        >>> from warnings import catch_warnings, simplefilter
         >>> import pyvista
         >>> import volspec as vs
-        >>> with TemporaryDirectory() as folder:
+        >>> with TemporaryDirectory() as folder, catch_warnings():
+        ...     simplefilter("ignore", vs.VolspecWarning)  # a cone has no colours
         ...     pyvista.Cone().save(f"{folder}/cone.ply")
         ...     vs.Scene.from_mesh(f"{folder}/cone.ply", lights=["D65"]).render(size=(64, 64))
         CoefficientImage(64x64, 2 channels)

@@ -265,8 +265,8 @@ class MeshSpec:
     material: Annotated[Name, Field(examples=["titanium"])] | None = None
     """Name of a [[material]]."""
     own_colours: bool = False
-    """The file's own colours, at points or in triangles, where it has some, instead of the
-    material."""
+    """The file's own colours, of its materials, at points or in triangles, where it has some,
+    instead of the material."""
     texture: Annotated[str, Field(examples=["photo.png"])] | None = None
     """PNG, JPEG, TIFF or BMP over the texture coordinates: sRGB colours, or with ``materials``
     numbers."""
