@@ -1,5 +1,6 @@
 """Colours of meshes' own materials: OBJ with MTL, glTF; they come back under D65."""
 
+import struct
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -9,12 +10,15 @@ import colour
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 import volspec as vs
 from tests.mesh.test_mesh import BASIS, LIT, WHITE
 from tests.support.errors import raises
 from tests.support.gltf import write_squares
+from volspec.appearance.display import SPACES
 from volspec.errors import MeshError, VolspecWarning
+from volspec.export.png import icc_profile
 from volspec.spectra import white_XYZ
 
 QUARTERS = np.uint8([[[200, 40, 30], [30, 180, 60]], [[60, 70, 210], [240, 230, 220]]])
@@ -153,3 +157,92 @@ def test_a_picture_that_gltf_names_is_missing_in_one_line(tmp_path):
     with raises(MeshError, "not-found") as caught:
         vs.Mesh.load(tmp_path / "a.glb")
     assert "names gone .png, which is missing" in str(caught.value)
+
+
+P3 = np.uint8([[[230, 60, 40], [40, 220, 70]], [[60, 70, 210], [240, 230, 220]]])
+
+
+def wide_lab(codes: np.ndarray, space: str, gamma: float | None = None) -> np.ndarray:
+    """Return CIELAB of codes of one of colour-science's spaces."""
+    white = white_XYZ(vs.light("D65"))
+    linear = codes / 255.0
+    linear = colour.cctf_decoding(linear, "sRGB") if gamma is None else linear**gamma
+    XYZ = colour.RGB_to_XYZ(linear, space, white[:2] / white.sum(), "Bradford")
+    return lab(100.0 * XYZ)
+
+
+def chunk(kind: bytes, numbers: list[float]) -> tuple[bytes, bytes]:
+    return kind, struct.pack(f">{len(numbers)}I", *(round(1e5 * n) for n in numbers))
+
+
+def with_chunks(*chunks: tuple[bytes, bytes]) -> PngInfo:
+    info = PngInfo()
+    for kind, data in chunks:
+        info.add(kind, data)
+    return info
+
+
+P3_XY = [0.3127, 0.3290, 0.680, 0.320, 0.265, 0.690, 0.150, 0.060]
+# A grey profile of gamma 1.8: header, then its white and curve.
+GREY_HEAD = struct.pack(
+    ">I4sI4s4s4s12x4s4x24xIIII44x",
+    *(192, b"none", 0x02400000, b"mntr", b"GRAY", b"XYZ ", b"acsp"),
+    *(0, 0xF6D6, 0x10000, 0xD32D),
+)
+GREY_TAGS = struct.pack(
+    ">I4sII4sII4s4xIII4s4xIH2x",
+    *(2, b"wtpt", 156, 20, b"kTRC", 176, 14, b"XYZ ", 0xF6D6, 0x10000, 0xD32D),
+    *(b"curv", 1, round(1.8 * 256)),
+)
+ADOBE = replace(SPACES["Adobe RGB (1998)"], name="Adobe")
+
+
+def on_square(material: vs.Texture) -> vs.Mesh:
+    return vs.shape_mesh("plane", 1.0, material).placed((0.5, 0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("settings", "space", "gamma"),
+    [
+        ({"icc_profile": icc_profile(SPACES["Display P3"])}, "Display P3", None),
+        ({"pnginfo": with_chunks(chunk(b"cHRM", P3_XY))}, "Display P3", None),
+        ({"pnginfo": with_chunks(chunk(b"gAMA", [1 / 1.8]))}, "sRGB", 1.8),
+        ({"icc_profile": icc_profile(ADOBE)}, "Adobe RGB (1998)", 563 / 256),
+        ({"icc_profile": icc_profile(SPACES["sRGB"])}, "sRGB", None),
+    ],
+)
+def test_pictures_have_the_colours_of_their_profile(tmp_path, settings, space, gamma):
+    # All of Display P3; its lattice is coarser than sRGB's.
+    codes, path = P3 if gamma is None else P3 // 2 + 100, tmp_path / "p.png"
+    path.write_bytes(picture(codes, **settings))
+    found = seen(on_square(vs.Texture.load(path)))[0]
+    true, as_sRGB = wide_lab(codes, space, gamma), wide_lab(codes, "sRGB")
+    assert error(found, true) <= (0.3 if space == "sRGB" and gamma is None else 0.5)
+    assert (space, gamma) == ("sRGB", None) or error(found, as_sRGB) > 2.0
+
+
+def test_pictures_of_materials_have_the_colours_of_their_profile(tmp_path):
+    """Also beside one of sRGB."""
+    (tmp_path / "p3.png").write_bytes(picture(P3, icc_profile=icc_profile(SPACES["Display P3"])))
+    (tmp_path / "s.png").write_bytes(picture())
+    mtl = "newmtl a\nmap_Kd p3.png\nnewmtl b\nmap_Kd s.png\nnewmtl c\nKd 0.8 0.2 0.1"
+    mesh = vs.Mesh.load(squares_obj(tmp_path, mtl, ("a", "b", "c")), own_colours=True)
+    found, red = seen(mesh), colour.cctf_decoding(np.array([0.8, 0.2, 0.1]), "sRGB")
+    true = [wide_lab(P3, "Display P3"), *wanted(LINEAR, red)]
+    assert error(found[:3], np.array(true)) <= 0.5
+
+
+def test_profiles_of_other_kinds_are_converted_and_damaged_ones_refused(tmp_path):
+    """A grey picture's gamma, by Little CMS in steps of 8 bits; CIELAB of a grey is its L*."""
+    grey = np.kron(np.uint8([[60, 120], [180, 240]]), np.ones((32, 32), np.uint8))
+    profile = bytearray(icc_profile(SPACES["Display P3"]))
+    (tmp_path / "bad.png").write_bytes(picture(P3, icc_profile=bytes(profile[:200])))
+    with raises(MeshError, "damaged") as caught:
+        vs.Texture.load(tmp_path / "bad.png")
+    assert "bad.png" in str(caught.value) and "sRGB" in caught.value.remedy
+    gamma = GREY_HEAD + GREY_TAGS
+    Image.fromarray(grey).save(tmp_path / "g.png", icc_profile=gamma)
+    found = seen(on_square(vs.Texture.load(tmp_path / "g.png")))[0]
+    linear = (np.array([[60, 120], [180, 240]]) / 255.0) ** 1.8
+    true = np.where(linear > 0.008856, 116.0 * np.cbrt(linear) - 16.0, 903.3 * linear)
+    assert np.abs(found[..., 0] - true).max() < 0.3 and np.abs(found[..., 1:]).max() < 0.7

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from volspec._confine import require_inside
 from volspec.appearance.display import sRGB_CURVE
 from volspec.errors import MeshError, VolspecWarning
-from volspec.mesh.pictures import read_picture
+from volspec.mesh.pictures import read_colours
 from volspec.mesh.texture import Texture
 
 Array = NDArray[np.float64]
@@ -37,24 +37,16 @@ _WHITE = np.ones(3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseColours:
-    """Base colours of a surface of several materials, in linear sRGB.
-
-    Attributes
-    ----------
-    factors : (G, 3) array
-        Of materials.
-    textures : sequence of Texture or None
-        Of materials, by which factors are multiplied.
-    number : (T,) array of int
-        The triangles' materials.
-    linear : (N, 3) array, optional
-        At points, by which both are multiplied.
-    """
+    """Base colours of a surface of several materials: products in linear sRGB."""
 
     factors: Array
+    """(G, 3), of materials."""
     textures: Sequence[Texture | None]
+    """Of the materials."""
     number: NDArray[np.intp]
+    """(T,): the triangles' materials."""
     linear: Array | None = None
+    """(N, 3), at points."""
 
 
 def colour_array(data_set: Any) -> NDArray[Any] | None:
@@ -99,7 +91,7 @@ def _of_gltf(path: Path, fields: Mapping[str, Any]) -> tuple[Array, list[Texture
         width = int(fields[f"Width {number}"][0])
         texels = texels.reshape(-1, width, *texels.shape[1:])[::-1]
         textures[number] = Texture(_without_alpha(texels), name=f"{path.name}, texture {number}")
-    factors = np.clip(np.float64(fields["Factors"]), 0.0, 1.0)
+    factors = np.clip(np.asarray(fields["Factors"], np.float64), 0.0, 1.0)
     return factors, [textures[number] for number in numbers]
 
 
@@ -132,20 +124,20 @@ def _read_mtl(path: Path, factors: dict[str, Array], textures: dict[str, Texture
             factors[name] = _WHITE
         elif key == "kd":  # sRGB codes by custom; [2] does not say
             try:
-                codes = np.array(value.split()[:3], float)
-            except ValueError:
-                codes = np.array([np.nan])
-            if codes.size not in (1, 3) or not np.isfinite(codes).all():
+                codes = np.clip(np.array(value.split()[:3], float), 0.0, 1.0) * _WHITE
+            except ValueError as error:
                 problem = f"{path}: Kd of {name!r} is {value!r}"
-                raise MeshError(problem, "give three numbers from 0 to 1", code="damaged")
-            factors[name] = sRGB_CURVE.decode(np.clip(codes, 0.0, 1.0)) * _WHITE
+                remedy = "give three numbers from 0 to 1"
+                raise MeshError(problem, remedy, code="damaged") from error
+            factors[name] = sRGB_CURVE.decode(np.nan_to_num(codes))
         elif key == "map_kd":
             picture = path.parent / _OPTION.sub("", value).replace("\\", "/")
             require_inside(picture, MeshError)
             if re.search(r"-[sot]\s", value):
                 _warn(f"{path.name}: shifts and scales of {name!r}'s picture are left out")
             if picture.is_file():
-                textures[name] = Texture(_without_alpha(read_picture(picture)), (), str(picture))
+                texels, wide = read_colours(picture)
+                textures[name] = Texture(_without_alpha(texels), (), str(picture), wide)
             else:
                 _warn(f"{path.name}: the picture of {name!r}, {picture}, is missing; Kd alone")
 

@@ -282,6 +282,7 @@ class Mesh:
     def digest(self) -> bytes:
         """Return a hash of its arrays and texels."""
         digest = hashlib.blake2b(digest_size=16)
+        arrays: list[NDArray[Any] | None]
         arrays = [self.points_mm, self.triangles, self.normals, self.uv]
         if isinstance(self.material, Texture):
             arrays.append(self.material.texels)
@@ -290,7 +291,7 @@ class Mesh:
         elif isinstance(self.material, BaseColours):
             look = self.material
             arrays += [look.factors, look.number, look.linear]
-            arrays += [texture and texture.texels for texture in look.textures]
+            arrays += [texture.texels for texture in look.textures if texture is not None]
         for array in arrays:
             digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
         return digest.digest()
@@ -333,7 +334,7 @@ class Mesh:
         from vtkmodules.vtkFiltersCore import vtkClipPolyData
 
         faces = pyvista.PolyData.from_regular_faces(self.points_mm, self.triangles)
-        looks = {"normals": self.normals, "uv": self.uv}
+        looks: dict[str, NDArray[Any] | None] = {"normals": self.normals, "uv": self.uv}
         if isinstance(self.material, Mapping):
             looks |= {f"of {name}": np.asarray(array) for name, array in self.material.items()}
         elif isinstance(self.material, np.ndarray):

@@ -15,6 +15,7 @@ from volspec.basis import Basis
 from volspec.errors import MeshError, nearest
 from volspec.mesh.base_colours import BaseColours
 from volspec.mesh.model import Mesh
+from volspec.mesh.pictures import WIDE_FROM_sRGB
 from volspec.mesh.texture import (
     Texels,
     Texture,
@@ -40,7 +41,7 @@ def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> P
     if isinstance(mesh.material, Texture):
         return _texture_paint(mesh, pyramid(texel_channels(mesh.material, channels, basis)))
     if isinstance(mesh.material, BaseColours):
-        return _base_colour_paint(mesh, mesh.material, channel_lattice(basis, mesh.name))
+        return _base_colour_paint(mesh, mesh.material, basis)
     if isinstance(mesh.material, str):
         only = channels[mesh.material]
         return lambda triangle, weights, width_mm: np.tile(only, (len(triangle), 1))
@@ -63,7 +64,8 @@ def texel_channels(texture: Texture, channels: Mapping[str, Array], basis: Basis
     """Return the channels (H, W, M) of a texture's texels; ``channels`` are its materials'."""
     if not texture.materials:
         codes = texture.texels.reshape(-1, 3)
-        values = interpolate_on_device(channel_lattice(basis, texture.name), codes)
+        lattice = channel_lattice(basis, texture.name, texture.wide)
+        values = interpolate_on_device(lattice, codes)
         return values.reshape(*texture.texels.shape[:2], basis.size)
     table = np.array([channels[name] for name in texture.materials])
     if texture.texels.ndim == 2:
@@ -87,10 +89,12 @@ def _texture_paint(mesh: Mesh, levels: list[Texels]) -> Paint:
     return textured
 
 
-def _base_colour_paint(mesh: Mesh, colours: BaseColours, lattice: NDArray[np.float32]) -> Paint:
+def _base_colour_paint(mesh: Mesh, colours: BaseColours, basis: Basis) -> Paint:
     """Return a function of points: linear light of factors, textures and points is multiplied."""
+    wide = any(texture is not None and texture.wide for texture in colours.textures)
+    lattice = channel_lattice(basis, mesh.name, wide)
     textures = [*dict.fromkeys(colours.textures)]
-    paints = [t and _texture_paint(mesh, pyramid(t.linear())) for t in textures]
+    paints = [t if t is None else _texture_paint(mesh, pyramid(t.linear())) for t in textures]
     textured = np.array([textures.index(t) for t in colours.textures])
 
     def coloured(triangle: NDArray[np.intp], weights: Array, width_mm: Array) -> Array:
@@ -103,6 +107,7 @@ def _base_colour_paint(mesh: Mesh, colours: BaseColours, lattice: NDArray[np.flo
             rows = np.flatnonzero(textured[numbers] == number)
             if paint is not None:
                 linear[rows] *= paint(triangle[rows], weights[rows], width_mm[rows])
+        linear = linear @ WIDE_FROM_sRGB.T if wide else linear
         codes = to_uint16(sRGB_CURVE.encode(linear))
         return interpolate(lattice, codes).astype(np.float64)
 

@@ -27,14 +27,14 @@ from volspec._gpu import Compute, assemble, prelude
 from volspec.appearance.display import sRGB_CURVE
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import Code, MeshError
-from volspec.mesh.pictures import read_picture
+from volspec.mesh.pictures import WIDE, WIDE_FROM_sRGB, read_colours, read_picture
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
-from volspec.spectra.construct import XYZ_from_sRGB
+from volspec.spectra.construct import XYZ_from_linear_sRGB, XYZ_from_sRGB
 
 Array = NDArray[np.float64]
 Texels = NDArray[np.float16]
-SIDE = 33
-"""Nodes along each side of the lattice of colours."""
+SIDE, WIDE_SIDE = 33, 17
+"""Nodes along each side of the lattice of colours: of sRGB, and of Display P3."""
 _MAX_CODE = 65535
 # Version of the lattice's reflectances in the cache.
 _MAKER = "delaunay D65 1"
@@ -55,6 +55,8 @@ class Texture:
         Names.
     name : str
         For messages.
+    wide : bool
+        Codes are of Display P3 instead of sRGB.
 
     Raises
     ------
@@ -71,10 +73,12 @@ class Texture:
     texels: NDArray[Any]
     materials: Sequence[str] = ()
     name: str = "texture"
+    wide: bool = False
 
     def __repr__(self) -> str:
         height, width = self.texels.shape[:2]
-        return f"Texture({width} x {height}, {', '.join(self.materials) or 'sRGB'})"
+        codes = "Display P3" if self.wide else "sRGB"
+        return f"Texture({width} x {height}, {', '.join(self.materials) or codes})"
 
     def __post_init__(self) -> None:
         texels = np.asarray(self.texels)
@@ -139,19 +143,25 @@ class Texture:
         return fractions / total
 
     def linear(self) -> Texels:
-        """Return linear light (H, W, 3) of codes."""
-        table = sRGB_CURVE.decode(np.arange(_MAX_CODE + 1) / _MAX_CODE).astype(np.float16)
-        return table[self.texels]
+        """Return linear sRGB (H, W, 3) of codes, beyond 0 to 1 if they are wide."""
+        linear = sRGB_CURVE.decode(np.arange(_MAX_CODE + 1) / _MAX_CODE).astype(np.float32)
+        texels = linear[self.texels]
+        return (texels @ np.linalg.inv(WIDE_FROM_sRGB).T if self.wide else texels).astype(
+            np.float16
+        )
 
     @classmethod
     def load(cls, path: str | Path, materials: Sequence[str] = ()) -> Texture:
-        """Read PNG, JPEG, TIFF or BMP: sRGB colours, or numbers of materials as grey values.
+        """Read PNG, JPEG, TIFF or BMP: colours of any profile, or numbers of materials as greys.
 
         Raises MeshError if the file cannot be read or does not fit.
         """
-        texels = read_picture(Path(path))
         name = Path(path).name
-        if materials and texels.ndim == 3:
+        if not materials:
+            codes, wide = read_colours(Path(path))
+            return cls(codes, (), name, wide)
+        texels, _ = read_picture(Path(path))
+        if texels.ndim == 3:
             raise MeshError(
                 f"{name}: has {texels.shape[2]} channels",
                 "numbers of materials are grey values; leave out materials for colours",
@@ -167,7 +177,7 @@ class Texture:
         """
         arrays: dict[str, NDArray[Any]] = {}
         for name, path in files.items():
-            grey = read_picture(Path(path))
+            grey, _ = read_picture(Path(path))
             if grey.ndim != 2:
                 channels = f"{path}: has {grey.shape[2]} channels"
                 raise MeshError(channels, "shares are grey values", code="shape")
@@ -179,21 +189,26 @@ class Texture:
         return cls(np.stack([*arrays.values()], axis=2), tuple(arrays), ", ".join(map(str, arrays)))
 
 
-def reflectance_lattice(grid: SpectralGrid) -> NDArray[np.float32]:
-    """Return reflectances (SIDE, SIDE, SIDE, N) of evenly spaced sRGB codes under D65 [1].
+def reflectance_lattice(grid: SpectralGrid, wide: bool = False) -> NDArray[np.float32]:
+    """Return reflectances (S, S, S, N) of evenly spaced codes under D65 [1].
 
-    The first call takes seconds; then they are in the cache.
+    The codes are of sRGB, or ``wide`` of Display P3. The first call takes seconds; then they are
+    in the cache.
     """
     key = hashlib.sha256(grid.wavelengths_nm.tobytes()).hexdigest()[:16]
 
     def make() -> dict[str, NDArray[np.float32]]:
-        codes = np.linspace(0.0, 1.0, SIDE)
+        codes = np.linspace(0.0, 1.0, WIDE_SIDE if wide else SIDE)
         cube = np.stack(np.meshgrid(codes, codes, codes, indexing="ij"), axis=3)
-        colours = XYZ_from_sRGB(cube, white_XYZ(light("D65", grid)))
+        white = white_XYZ(light("D65", grid))
+        colours = XYZ_from_sRGB(cube, white)
+        if wide:
+            matrix = XYZ_from_linear_sRGB(white) @ np.linalg.inv(WIDE_FROM_sRGB)
+            colours = np.maximum(WIDE.decode(cube) @ matrix.T, 0.0)
         spectra = reflectances_from_colours(colours, grid=grid)
         return {"reflectances": spectra.values.astype(np.float32)}
 
-    return cached_arrays(f"spectra/rgb-{key}", _MAKER, make)["reflectances"]
+    return cached_arrays(f"spectra/{'p3' if wide else 'rgb'}-{key}", _MAKER, make)["reflectances"]
 
 
 def some_colours(grid: SpectralGrid) -> dict[str, Spectrum]:
@@ -208,15 +223,15 @@ def some_colours(grid: SpectralGrid) -> dict[str, Spectrum]:
     }
 
 
-def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:
-    """Return the channels (SIDE, SIDE, SIDE, M) of `reflectance_lattice`.
+def channel_lattice(basis: Basis, name: str, wide: bool = False) -> NDArray[np.float32]:
+    """Return the channels (S, S, S, M) of `reflectance_lattice`.
 
     Raises MeshError if a basis of materials is given; ``name`` is the texture's.
     """
     if not isinstance(basis, SpectralBasis):
         remedy = "give it a material, or use a spectral basis"
         raise MeshError(f"{name}: a basis of materials has no colours", remedy, code="conflict")
-    return basis.analyse(reflectance_lattice(basis.grid)).astype(np.float32)
+    return basis.analyse(reflectance_lattice(basis.grid, wide)).astype(np.float32)
 
 
 def interpolate(lattice: NDArray[np.float32], codes: NDArray[np.uint16]) -> Texels:

@@ -125,15 +125,11 @@ def mesh_file(path: Path, lights: Sequence[str] = (), camera: Orbit | None = Non
 
 
 def of_own_colours(file: SceneFile, surfaces: Sequence[Mesh]) -> SceneFile:
-    """Return the file with a basis for its meshes' colours, or without ``own_colours``.
-
-    Warns that a mesh without colours is shown as copper.
-    """
+    """Return the file with a basis for its meshes' colours, or, with a warning, of copper."""
     if all(mesh.materials for mesh in surfaces):
+        text = "has no colours, and is shown as copper; change that in the [[material]] of"
         name = file.mesh[0].name
-        text = f"{name}: has no colours, and is shown as copper; for another reflectance"
-        remedy = f"`volspec scene new {name}` and change [[material]] in the scene"
-        warnings.warn(f"{text}, {remedy}", VolspecWarning, stacklevel=3)
+        warnings.warn(f"{name}: {text} `volspec scene new {name}`", VolspecWarning, stacklevel=3)
         return replace(file, mesh=tuple(replace(row, own_colours=False) for row in file.mesh))
     return replace(file, basis=BasisSpec())
 

@@ -22,7 +22,12 @@ from .monitors import (
     colour_space as colour_space,
     preset as preset,
 )
-from .profile import D50_XYZ as D50_XYZ, D50_from_white as D50_from_white, is_profile as is_profile
+from .profile import (
+    D50_XYZ as D50_XYZ,
+    D50_from_white as D50_from_white,
+    is_profile as is_profile,
+    space_from_profile as space_from_profile,
+)
 from .spaces import (
     ColourSpace as ColourSpace,
     SPACES as SPACES,

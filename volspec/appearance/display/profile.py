@@ -59,7 +59,16 @@ def read_profile(path: str | Path) -> ColourSpace:
     """
     field = f"colour space {str(path)!r}"
     try:
-        return _colour_space(Path(path).stem, _tags(_read(Path(path))))
+        data = _read(Path(path))
+    except ViewingError as error:
+        raise error.at(field) from None
+    return space_from_profile(data, Path(path).stem, field)
+
+
+def space_from_profile(data: bytes, name: str, field: str) -> ColourSpace:
+    """Return the space of a matrix profile's bytes; raises as `read_profile`."""
+    try:
+        return _colour_space(name, _tags(data))
     except ViewingError as error:
         raise error.at(field if not error.field else f"{field}: {error.field}") from None
     except (struct.error, KeyError, IndexError, ValueError) as error:

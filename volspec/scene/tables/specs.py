@@ -268,7 +268,7 @@ class MeshSpec:
     """The file's own colours, of its materials, at points or in triangles, where it has some,
     instead of the material."""
     texture: Annotated[str, Field(examples=["photo.png"])] | None = None
-    """PNG, JPEG, TIFF or BMP over the texture coordinates: sRGB colours, or with ``materials``
+    """PNG, JPEG, TIFF or BMP over the texture coordinates: colours, or with ``materials``
     numbers."""
     materials: Annotated[tuple[Name, ...], Field(strict=False)] = ()
     """Names of [[material]]s, whose numbers from 0 are the texture's grey values."""
