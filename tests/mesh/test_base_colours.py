@@ -222,7 +222,7 @@ def test_pictures_have_the_colours_of_their_profile(tmp_path, settings, space, g
 
 
 def test_pictures_of_materials_have_the_colours_of_their_profile(tmp_path):
-    """Also beside one of sRGB."""
+    """Also next to one of sRGB."""
     (tmp_path / "p3.png").write_bytes(picture(P3, icc_profile=icc_profile(SPACES["Display P3"])))
     (tmp_path / "s.png").write_bytes(picture())
     mtl = "newmtl a\nmap_Kd p3.png\nnewmtl b\nmap_Kd s.png\nnewmtl c\nKd 0.8 0.2 0.1"

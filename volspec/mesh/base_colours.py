@@ -136,8 +136,8 @@ def _read_mtl(path: Path, factors: dict[str, Array], textures: dict[str, Texture
             if re.search(r"-[sot]\s", value):
                 _warn(f"{path.name}: shifts and scales of {name!r}'s picture are left out")
             if picture.is_file():
-                texels, wide = read_colours(picture)
-                textures[name] = Texture(_without_alpha(texels), (), str(picture), wide)
+                texels, is_p3 = read_colours(picture)
+                textures[name] = Texture(_without_alpha(texels), (), str(picture), is_p3)
             else:
                 _warn(f"{path.name}: the picture of {name!r}, {picture}, is missing; Kd alone")
 
@@ -145,8 +145,8 @@ def _read_mtl(path: Path, factors: dict[str, Array], textures: dict[str, Texture
 def _lines(path: Path) -> list[tuple[str, str]]:
     """Return the lines of an OBJ or MTL: a key, in MTL in lower case, and the rest."""
     text = path.read_bytes().decode("utf-8", "replace")
-    found = re.findall(r"^[ \t]*(mtllib|newmtl|map_Kd|Kd)[ \t]+(.*\S)", text, re.M | re.I)
-    return [(key.lower(), value) for key, value in found]
+    pairs = re.findall(r"^[ \t]*(mtllib|newmtl|map_Kd|Kd)[ \t]+(.*\S)", text, re.M | re.I)
+    return [(key.lower(), value) for key, value in pairs]
 
 
 def _without_alpha(texels: NDArray[Any]) -> NDArray[Any]:

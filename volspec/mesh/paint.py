@@ -15,7 +15,7 @@ from volspec.basis import Basis
 from volspec.errors import MeshError, nearest
 from volspec.mesh.base_colours import BaseColours
 from volspec.mesh.model import Mesh
-from volspec.mesh.pictures import WIDE_FROM_sRGB
+from volspec.mesh.pictures import P3_FROM_sRGB
 from volspec.mesh.texture import (
     Texels,
     Texture,
@@ -64,7 +64,7 @@ def texel_channels(texture: Texture, channels: Mapping[str, Array], basis: Basis
     """Return the channels (H, W, M) of a texture's texels; ``channels`` are its materials'."""
     if not texture.materials:
         codes = texture.texels.reshape(-1, 3)
-        lattice = channel_lattice(basis, texture.name, texture.wide)
+        lattice = channel_lattice(basis, texture.name, texture.is_p3)
         values = interpolate_on_device(lattice, codes)
         return values.reshape(*texture.texels.shape[:2], basis.size)
     table = np.array([channels[name] for name in texture.materials])
@@ -91,8 +91,8 @@ def _texture_paint(mesh: Mesh, levels: list[Texels]) -> Paint:
 
 def _base_colour_paint(mesh: Mesh, colours: BaseColours, basis: Basis) -> Paint:
     """Return a function of points: linear light of factors, textures and points is multiplied."""
-    wide = any(texture is not None and texture.wide for texture in colours.textures)
-    lattice = channel_lattice(basis, mesh.name, wide)
+    is_p3 = any(texture is not None and texture.is_p3 for texture in colours.textures)
+    lattice = channel_lattice(basis, mesh.name, is_p3)
     textures = [*dict.fromkeys(colours.textures)]
     paints = [t if t is None else _texture_paint(mesh, pyramid(t.linear())) for t in textures]
     textured = np.array([textures.index(t) for t in colours.textures])
@@ -107,7 +107,7 @@ def _base_colour_paint(mesh: Mesh, colours: BaseColours, basis: Basis) -> Paint:
             rows = np.flatnonzero(textured[numbers] == number)
             if paint is not None:
                 linear[rows] *= paint(triangle[rows], weights[rows], width_mm[rows])
-        linear = linear @ WIDE_FROM_sRGB.T if wide else linear
+        linear = linear @ P3_FROM_sRGB.T if is_p3 else linear
         codes = to_uint16(sRGB_CURVE.encode(linear))
         return interpolate(lattice, codes).astype(np.float64)
 

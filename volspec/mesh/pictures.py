@@ -29,7 +29,7 @@ from volspec.appearance.display import (
 from volspec.errors import MeshError, ViewingError
 
 Array = NDArray[np.float64]
-WIDE = SPACES["Display P3"]
+P3 = SPACES["Display P3"]
 """Space of texels whose profile is another than sRGB's."""
 # Linear light and codes that differ by less count as equal.
 _ALIKE = 0.004
@@ -65,7 +65,7 @@ def read_picture(path: Path) -> tuple[NDArray[Any], dict[Any, Any]]:
 
 
 def read_colours(path: Path) -> tuple[NDArray[Any], bool]:
-    """Return texels as `read_picture`, and True if they are of `WIDE`, 16 bits, as profiles say.
+    """Return texels as `read_picture`, and True if they are of `P3`, 16 bits, as profiles say.
 
     Raises MeshError also if a profile cannot be used.
     """
@@ -75,34 +75,34 @@ def read_colours(path: Path) -> tuple[NDArray[Any], bool]:
         if space is None or texels.dtype.kind != "u":
             return texels, False
         if isinstance(space, bytes):
-            return to_uint16(WIDE.encode(_linear_by_icc(path, space))), True
+            return to_uint16(P3.encode(_linear_by_icc(path, space))), True
     except (ViewingError, OSError, ValueError) as error:
         remedy = "convert it to sRGB or Display P3, or save it without a profile"
         raise MeshError(f"{path}: its colour profile is damaged", remedy, code="damaged") from error
-    matrix = _wide_from(space)
+    matrix = _p3_from(space)
     codes = np.linspace(0.0, 1.0, 256)
     off = np.abs(space.encode(sRGB_CURVE.decode(codes)) - codes).max()
-    if max(off, np.abs(matrix - WIDE_FROM_sRGB).max()) < _ALIKE:
+    if max(off, np.abs(matrix - P3_FROM_sRGB).max()) < _ALIKE:
         return texels, False
     if texels.ndim == 2 or texels.shape[2] == 2:  # grey, with alpha
         texels = texels[..., [0, 0, 0, 1]] if texels.ndim == 3 else np.dstack([texels] * 3)
     white = np.iinfo(texels.dtype).max
     linear = space.decode(np.arange(white + 1) / white)
-    wide = to_uint16(texels / white)  # alpha stays
+    codes = to_uint16(texels / white)  # alpha stays
     for row, line in enumerate(texels[..., :3]):
-        wide[row, :, :3] = to_uint16(WIDE.encode(linear[line] @ matrix.T))
-    return wide, True
+        codes[row, :, :3] = to_uint16(P3.encode(linear[line] @ matrix.T))
+    return codes, True
 
 
-def _wide_from(space: ColourSpace) -> Array:
-    """Return (3, 3): linear RGB of a space to that of `WIDE`, by Bradford."""
+def _p3_from(space: ColourSpace) -> Array:
+    """Return (3, 3): linear RGB of a space to that of `P3`, by Bradford."""
     adapted = D50_from_white(space.white_XYZ / 100.0) @ space.XYZ_from_RGB
-    return np.asarray(WIDE.RGB_from_XYZ @ np.linalg.solve(_D50_FROM_WIDE, adapted))
+    return np.asarray(P3.RGB_from_XYZ @ np.linalg.solve(_D50_FROM_P3, adapted))
 
 
-_D50_FROM_WIDE = D50_from_white(WIDE.white_XYZ / 100.0)
-WIDE_FROM_sRGB = _wide_from(SPACES["sRGB"])
-"""(3, 3): linear sRGB to linear RGB of `WIDE`."""
+_D50_FROM_P3 = D50_from_white(P3.white_XYZ / 100.0)
+P3_FROM_sRGB = _p3_from(SPACES["sRGB"])
+"""(3, 3): linear sRGB to linear RGB of `P3`."""
 
 
 def _stated_space(info: dict[Any, Any]) -> ColourSpace | bytes | None:
@@ -123,7 +123,7 @@ def _stated_space(info: dict[Any, Any]) -> ColourSpace | bytes | None:
 
 
 def _linear_by_icc(path: Path, profile: bytes) -> Array:
-    """Return linear light of `WIDE` by a profile of any kind, in steps of 8-bit CIELAB."""
+    """Return linear light of `P3` by a profile of any kind, in steps of 8-bit CIELAB."""
     from PIL import Image, ImageCms
 
     source = ImageCms.ImageCmsProfile(io.BytesIO(profile))
@@ -138,7 +138,7 @@ def _linear_by_icc(path: Path, profile: bytes) -> Array:
     y = (L / 2.55 + 16.0) / 116.0
     f = np.stack([y + a.view(np.int8) / 500.0, y, y - b.view(np.int8) / 200.0], axis=-1)
     XYZ = D50_XYZ * np.where(f > 6 / 29, f**3, 108 / 841 * (f - 4 / 29))
-    matrix = 100.0 * WIDE.RGB_from_XYZ @ np.linalg.inv(_D50_FROM_WIDE)
+    matrix = 100.0 * P3.RGB_from_XYZ @ np.linalg.inv(_D50_FROM_P3)
     return np.asarray(np.clip(XYZ @ matrix.T, 0.0, 1.0))
 
 

@@ -27,13 +27,13 @@ from volspec._gpu import Compute, assemble, prelude
 from volspec.appearance.display import sRGB_CURVE
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import Code, MeshError
-from volspec.mesh.pictures import WIDE, WIDE_FROM_sRGB, read_colours, read_picture
+from volspec.mesh.pictures import P3, P3_FROM_sRGB, read_colours, read_picture
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
 from volspec.spectra.construct import XYZ_from_linear_sRGB, XYZ_from_sRGB
 
 Array = NDArray[np.float64]
 Texels = NDArray[np.float16]
-SIDE, WIDE_SIDE = 33, 17
+SIDE, P3_SIDE = 33, 17
 """Nodes along each side of the lattice of colours: of sRGB, and of Display P3."""
 _MAX_CODE = 65535
 # Version of the lattice's reflectances in the cache.
@@ -55,7 +55,7 @@ class Texture:
         Names.
     name : str
         For messages.
-    wide : bool
+    is_p3 : bool
         Codes are of Display P3 instead of sRGB.
 
     Raises
@@ -73,11 +73,11 @@ class Texture:
     texels: NDArray[Any]
     materials: Sequence[str] = ()
     name: str = "texture"
-    wide: bool = False
+    is_p3: bool = False
 
     def __repr__(self) -> str:
         height, width = self.texels.shape[:2]
-        codes = "Display P3" if self.wide else "sRGB"
+        codes = "Display P3" if self.is_p3 else "sRGB"
         return f"Texture({width} x {height}, {', '.join(self.materials) or codes})"
 
     def __post_init__(self) -> None:
@@ -143,12 +143,10 @@ class Texture:
         return fractions / total
 
     def linear(self) -> Texels:
-        """Return linear sRGB (H, W, 3) of codes, beyond 0 to 1 if they are wide."""
+        """Return linear sRGB (H, W, 3) of codes, beyond 0 to 1 if they are of Display P3."""
         linear = sRGB_CURVE.decode(np.arange(_MAX_CODE + 1) / _MAX_CODE).astype(np.float32)
         texels = linear[self.texels]
-        return (texels @ np.linalg.inv(WIDE_FROM_sRGB).T if self.wide else texels).astype(
-            np.float16
-        )
+        return (texels @ np.linalg.inv(P3_FROM_sRGB).T if self.is_p3 else texels).astype(np.float16)
 
     @classmethod
     def load(cls, path: str | Path, materials: Sequence[str] = ()) -> Texture:
@@ -158,8 +156,8 @@ class Texture:
         """
         name = Path(path).name
         if not materials:
-            codes, wide = read_colours(Path(path))
-            return cls(codes, (), name, wide)
+            codes, is_p3 = read_colours(Path(path))
+            return cls(codes, (), name, is_p3)
         texels, _ = read_picture(Path(path))
         if texels.ndim == 3:
             raise MeshError(
@@ -189,26 +187,26 @@ class Texture:
         return cls(np.stack([*arrays.values()], axis=2), tuple(arrays), ", ".join(map(str, arrays)))
 
 
-def reflectance_lattice(grid: SpectralGrid, wide: bool = False) -> NDArray[np.float32]:
+def reflectance_lattice(grid: SpectralGrid, is_p3: bool = False) -> NDArray[np.float32]:
     """Return reflectances (S, S, S, N) of evenly spaced codes under D65 [1].
 
-    The codes are of sRGB, or ``wide`` of Display P3. The first call takes seconds; then they are
+    The codes are of sRGB, or of Display P3. The first call takes seconds; then they are
     in the cache.
     """
     key = hashlib.sha256(grid.wavelengths_nm.tobytes()).hexdigest()[:16]
 
     def make() -> dict[str, NDArray[np.float32]]:
-        codes = np.linspace(0.0, 1.0, WIDE_SIDE if wide else SIDE)
+        codes = np.linspace(0.0, 1.0, P3_SIDE if is_p3 else SIDE)
         cube = np.stack(np.meshgrid(codes, codes, codes, indexing="ij"), axis=3)
         white = white_XYZ(light("D65", grid))
         colours = XYZ_from_sRGB(cube, white)
-        if wide:
-            matrix = XYZ_from_linear_sRGB(white) @ np.linalg.inv(WIDE_FROM_sRGB)
-            colours = np.maximum(WIDE.decode(cube) @ matrix.T, 0.0)
+        if is_p3:
+            matrix = XYZ_from_linear_sRGB(white) @ np.linalg.inv(P3_FROM_sRGB)
+            colours = np.maximum(P3.decode(cube) @ matrix.T, 0.0)
         spectra = reflectances_from_colours(colours, grid=grid)
         return {"reflectances": spectra.values.astype(np.float32)}
 
-    return cached_arrays(f"spectra/{'p3' if wide else 'rgb'}-{key}", _MAKER, make)["reflectances"]
+    return cached_arrays(f"spectra/{'p3' if is_p3 else 'rgb'}-{key}", _MAKER, make)["reflectances"]
 
 
 def some_colours(grid: SpectralGrid) -> dict[str, Spectrum]:
@@ -223,7 +221,7 @@ def some_colours(grid: SpectralGrid) -> dict[str, Spectrum]:
     }
 
 
-def channel_lattice(basis: Basis, name: str, wide: bool = False) -> NDArray[np.float32]:
+def channel_lattice(basis: Basis, name: str, is_p3: bool = False) -> NDArray[np.float32]:
     """Return the channels (S, S, S, M) of `reflectance_lattice`.
 
     Raises MeshError if a basis of materials is given; ``name`` is the texture's.
@@ -231,7 +229,7 @@ def channel_lattice(basis: Basis, name: str, wide: bool = False) -> NDArray[np.f
     if not isinstance(basis, SpectralBasis):
         remedy = "give it a material, or use a spectral basis"
         raise MeshError(f"{name}: a basis of materials has no colours", remedy, code="conflict")
-    return basis.analyse(reflectance_lattice(basis.grid, wide)).astype(np.float32)
+    return basis.analyse(reflectance_lattice(basis.grid, is_p3)).astype(np.float32)
 
 
 def interpolate(lattice: NDArray[np.float32], codes: NDArray[np.uint16]) -> Texels:
