@@ -62,13 +62,27 @@ def assert_same(whole: vs.CoefficientImage, parts: vs.CoefficientImage) -> None:
 
 
 @pytest.mark.parametrize("name", ["engine", slow("foot")])
-@pytest.mark.parametrize("side", [32, *slow_each(64, 100)])
+@pytest.mark.parametrize("side", [32, *slow_each(64, 90)])
 def test_parts_of_any_size_make_the_picture_of_the_whole(name, side, monkeypatch, request):
     own = name == "engine"
     volume = vs.load_volume(name if own else request.getfixturevalue("volumes") / f"{name}.nrrd")
     in_parts_of(monkeypatch, side)
     spec = vs.RaycastSpec(step_mm=0.7, specular=0.3)
     compare(volume, VEIL, vs.Camera.orbit(volume, zoom=1.4), spec, chunk=side)
+
+
+@pytest.mark.parametrize("mode", ["composite", "maximum"])
+def test_parts_that_begin_within_a_brick_make_one_picture_every_time(mode, monkeypatch):
+    in_parts_of(monkeypatch, 18)
+    values = np.zeros((24, 30, 34), np.uint8)
+    values[2:22, 2:28, 1:9] = values[2:22, 2:28, 32:] = 200  # the last voxels are the second part's
+    volume = vs.Volume(values)
+    big, camera, spec = pyramid_of(volume, 8), turned(volume, 30, 20), replace(STEP, mode=mode)
+    whole = vs.raycast(volume, VEIL, camera, (40, 32), spec)
+    images = [vs.raycast(big, VEIL, camera, (40, 32), replace(spec, level=0)) for _ in range(3)]
+    assert_same(whole, images[0])
+    for name in ("coefficients", "alpha", "depth_mm", "first_mm"):
+        assert len({getattr(image, name).tobytes() for image in images}) == 1, name
 
 
 SETTINGS = {

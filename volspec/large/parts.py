@@ -178,7 +178,7 @@ def plan(
     camera, size, spec
         As of the cast.
     sides : (z, y, x)
-        Cells along the parts' edges: multiples of `BRICK`.
+        Cells along the parts' edges.
     margin : int
         Voxels around a part that its samples read: a multiple of `BRICK`.
     blocks : (Z, Y, X), optional
@@ -201,7 +201,10 @@ def plan(
         if rect is None:
             continue
         ends = zip(first, last, level.shape, strict=True)
-        z, y, x = ((max(a - margin, 0), min(b + 1 + margin, n)) for a, b, n in ends)
+        # From a whole brick on: kernels count bricks from the volume's first voxel.
+        z, y, x = (
+            (max(a // BRICK * BRICK - margin, 0), min(b + 1 + margin, n)) for a, b, n in ends
+        )
         chunks = level.chunks_in((z, y, x))
         if around is not None:
             chunks = [c for c in chunks if around[level.blocks_of(level.box_of(c))].any()]
