@@ -12,13 +12,13 @@ from cyclopts import Parameter
 
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import Sized, sides
-from volspec.cli.shell import Json, Row, app, as_written, bar, print_json, say, show_rows
+from volspec.cli.shell import Json, Row, app, as_written, bar, note, print_json, say, show_rows
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
     from volspec.appearance.models import Appearance
-    from volspec.room import MixingLaw, PaintRanking, Room, SurfaceAppearance
+    from volspec.room import MixingLaw, PaintRanking, Room, RoomLight, SurfaceAppearance
     from volspec.spectra import Spectrum
 
 # Paints are compared in rooms of fewer patches: each of the best takes a solution.
@@ -90,7 +90,8 @@ def room(
     model
         Appearance model of the picture; none is a camera for daylight, as without an adapted eye.
     white
-        A surface that the eye takes for white; default: a perfect diffuser.
+        A surface that the eye takes for white; default: a perfect diffuser in the light on the
+        white surfaces that it sees. Of a ranking, the white in place of the painted surface's.
     at
         Place of a specimen, X,Y,Z in metres.
     light
@@ -124,7 +125,6 @@ def room(
         room_picture,
         seen_triangle,
         solve_room,
-        surface_appearance,
     )
     from volspec.spectra import illuminance_lux, write_spectrum
     from volspec.spectra.files import TABLE_SUFFIXES
@@ -176,11 +176,7 @@ def room(
     if ranking is not None and paints is not None:
         _show_ranking(f"{name}: {paints.surface}", ranking, json)
     else:
-        rows = [
-            _row(surface_appearance(solved, surface, white), json)
-            for surface in loaded.mesh.names
-            if loaded.reflectance(surface).any()
-        ]
+        rows = [_row(surface, json) for surface in _surfaces(solved, white)]
         eye_viewing = conditions.viewing
         title = (
             f"{name}: {len(solved.mesh.surface)} patches, error {100 * solved.sampling_error:.2g} "
@@ -194,6 +190,20 @@ def room(
         say(picture)
     if light is not None:
         say(f"{light}: {illuminance_lux(shone):.4g} lx at ({at}) m")
+
+
+def _surfaces(solved: RoomLight, white: str | None) -> list[SurfaceAppearance]:
+    """Return how the surfaces appear; note what was taken for eyes that see no white."""
+    from volspec.room import surface_appearance
+
+    room = solved.room
+    names = (name for name in room.mesh.names if room.reflectance(name).any())
+    surfaces = [surface_appearance(solved, name, white) for name in names]
+    notes = {surface.name: surface.conditions.note for surface in surfaces}
+    for text in dict.fromkeys(filter(None, notes.values())):
+        names = ", ".join(name for name, other in notes.items() if other == text)
+        note(f"{text} (before {names}); --white SURFACE takes another white")
+    return surfaces
 
 
 def _place(text: str) -> tuple[float, float, float]:
@@ -312,5 +322,5 @@ def _row(surface: SurfaceAppearance, as_json: bool) -> Row:
             row[f"{prefix}H"] = None if seen.H is None else float(seen.H)
         eye = surface.conditions
         row |= {name: getattr(eye.viewing, name) for name in ("L_A", "Y_b", "surround")}
-        row |= {"white_XYZ": eye.white_XYZ.tolist(), "L_Aw": eye.L_Aw}
+        row |= {"white_XYZ": eye.white_XYZ.tolist(), "L_Aw": eye.L_Aw, "note": eye.note}
     return row

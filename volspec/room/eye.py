@@ -6,16 +6,21 @@ RoomLight, eye -> [eye] -> Viewing, J C h, XYZ of pixels
     L_A = mean luminance over 11° to 90°                           [1, section 2.4]
     S_R = L_A / L_Aw                                               [1, eq. 17]
 
-The white is a perfect diffuser, or a surface of the room, in the light that falls on what the eye
-looks at [1, eq. 6, 8 and 9].
+The white has the colour of a perfect diffuser, or of a surface of the room, in the mean light on
+the white surfaces in view [1, section 3.6, eq. 6 and 8], and L_Aw is its luminance there [1, eq.
+9]. As in pictures (`relight.measured_viewing`), background and surround count alike, so that what
+is near the line of sight counts most. Y = 100 is a perfect diffuser in the light on what the eye
+looks at [1, section 4.4].
 
 References
 ----------
 [1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity".
+[2] Kelly & Judd (1976), "Color: Universal Language and Dictionary of Names", NBS SP 440.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -25,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from volspec._triangles import frames
 from volspec.appearance import Viewing, forward_for, screen_for_viewing, view_transform
-from volspec.appearance.models import Appearance
+from volspec.appearance.models import Appearance, cielab
 from volspec.errors import RoomError
 from volspec.room.direct_light import direct_irradiance
 from volspec.room.form_factors import Rays, sobol
@@ -39,6 +44,10 @@ from volspec.spectra import Spectrum, XYZ_from_spectra, colour_matching_function
 Array = NDArray[np.float64]
 # Cones around the line of sight, degrees, and rays between two of them.
 _BACKGROUND_DEG, _SURROUND_DEG, _CONE_RAYS = (1.0, 11.0), (11.0, 90.0), 1 << 13
+# Rays between two cones to the white surfaces: their light is within 0.1 % (test_eye).
+_WHITE_RAYS = 1 << 16
+# White is Munsell value 8.5 and more, chroma 1.5 and less [2]: about these in CIELAB under D65.
+_WHITE_LIGHTNESS, _WHITE_CHROMA = 85.0, 7.0
 # Where an eye is and looks if the room has none, as fractions of its extent.
 _FRONT, _BACK = np.array([0.5, 0.06, 0.6]), np.array([0.5, 1.0, 0.45])
 # A lamp counts as at most ten white diffusers, as in pictures (`relight.measured_viewing`).
@@ -58,6 +67,7 @@ class EyeConditions:
     irradiance: Array  # (B,) W/m² per band on what it looks at
     surface: str  # what it looks at
     L_Aw: float  # luminance of the white, cd/m²
+    note: str = ""  # what was taken if no white was in view
 
     def appearance(self, XYZ: ArrayLike) -> Appearance:
         """Return the appearance of colours, Y = 100 for a perfect diffuser."""
@@ -101,23 +111,25 @@ def look(
     """Measure the conditions of an eye.
 
     ``viewing`` gives the model and the display; ``white`` is a surface that counts as white, by
-    default a perfect diffuser. Raises RoomError if the eye sees nothing there, or a back.
+    default a perfect diffuser in the light on all `white_surfaces`. Raises RoomError if the eye
+    sees nothing there, or a back.
     """
     hit = seen_triangle(solved.rays, eye)
     grid = solved.room.grid
-    irradiance = solved.irradiance[hit]
+    weights, note = white_weights(solved, [eye], white)
+    on_white, irradiance = weights @ solved.irradiance, solved.irradiance[hit]
     lux = float(lux_from_irradiance(irradiance, grid))
     background, L_A = cone_luminances(solved, eye, lux)
     reflectance = np.ones(grid.size) if white is None else solved.room.reflectance(white)
-    L_Aw = float(lux_from_irradiance(irradiance * reflectance, grid)) / np.pi
-    if not L_Aw > 0:
+    L_Aw = float(lux_from_irradiance(on_white * reflectance, grid)) / np.pi
+    if not min(L_Aw, lux) > 0:
         raise RoomError(
-            "no light falls on what the eye looks at",
-            "move its target_m",
+            f"no light falls on {'the white' if lux > 0 else 'what the eye looks at'}",
+            "give another surface as white" if lux > 0 else "move its target_m",
             code="impossible",
             field="eye",
         )
-    shade = Spectrum(grid.wavelengths_nm, irradiance)
+    shade = Spectrum(grid.wavelengths_nm, on_white)
     measured = replace(
         viewing or Viewing(),
         L_A=L_A,
@@ -125,38 +137,79 @@ def look(
         surround=min(L_A / L_Aw, 1.0),
     )
     name = solved.mesh.names[solved.mesh.surface[hit]]
-    return EyeConditions(measured, XYZ_from_spectra(shade, reflectance), irradiance, name, L_Aw)
+    white_XYZ = XYZ_from_spectra(shade, reflectance)
+    return EyeConditions(measured, white_XYZ, irradiance, name, L_Aw, note)
+
+
+def white_surfaces(room: Room) -> tuple[str, ...]:
+    """Return the surfaces whose paint is white under D65 [2]; Y 66 or more, nearly neutral."""
+    daylight = light("D65", room.grid)
+    white = XYZ_from_spectra(daylight, np.ones(room.grid.size))
+    Lab = cielab(XYZ_from_spectra(daylight, room.reflectances), white)
+    pale = (Lab[:, 0] >= _WHITE_LIGHTNESS) & (np.hypot(*Lab[:, 1:].T) <= _WHITE_CHROMA)
+    return tuple(name for name, is_white in zip(room.mesh.names, pale, strict=True) if is_white)
+
+
+def white_weights(
+    solved: RoomLight, eyes: Sequence[Eye], white: str | None = None
+) -> tuple[Array, str]:
+    """Return how much each patch (N,) counts for the white of some eyes, and a note.
+
+    Weights sum to 1. If none of the ``white`` surface is in view, all of it counts; if no surface
+    is white, all that reflects does. The note then says so. Raises RoomError if ``white`` is
+    unknown.
+    """
+    room, mesh = solved.room, solved.mesh
+    if white is not None:
+        room.reflectance(white)  # refuses unknown names
+    names = white_surfaces(room) if white is None else (white,)
+    is_white = np.isin(mesh.surface, [mesh.names.index(name) for name in names])
+    view = np.zeros(len(mesh.surface))
+    for eye in eyes:
+        for cone in (_BACKGROUND_DEG, _SURROUND_DEG):
+            hit = _cone_hits(solved.rays, eye.position_m, _forward(eye), cone, _WHITE_RAYS)
+            view += np.bincount(hit[hit >= 0], minlength=len(view))
+    weights, note = view * is_white, ""
+    if not weights.any() and white is not None:
+        weights, note = mesh.areas_m2 * is_white, f"{white} is out of view: all of it counts"
+    elif not weights.any():
+        weights = view * room.reflectances.any(axis=1)[mesh.surface]
+        note = "no white surface in view: a perfect diffuser in the mean light on all that is seen"
+    return weights / max(float(weights.sum()), 1e-30), note
+
+
+def _forward(eye: Eye) -> Vector:
+    """Return the unit vector of an eye's line of sight."""
+    forward = np.subtract(eye.target_m, eye.position_m)
+    x, y, z = (forward / np.linalg.norm(forward)).tolist()
+    return x, y, z
 
 
 def cone_luminances(solved: RoomLight, eye: Eye, lux: float) -> tuple[float, float]:
     """Return the luminances, cd/m², of background and surround; a white gets ``lux``."""
-    position = np.array(eye.position_m)
-    forward = np.array(eye.target_m) - position
-    forward /= np.linalg.norm(forward)
     luminances = lux_from_irradiance(solved.radiosity, solved.room.grid) / np.pi
     luminances = np.minimum(luminances, _BRIGHTEST * lux / np.pi)
     background, surround = (
-        _cone_mean(solved, luminances, position, forward, cone)
-        for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
+        _cone_mean(solved, luminances, eye, cone) for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
     )
     return background, surround
 
 
 def _cone_mean(
-    solved: RoomLight, luminances: Array, eye: Array, forward: Array, cone_deg: tuple[float, float]
+    solved: RoomLight, luminances: Array, eye: Eye, cone_deg: tuple[float, float]
 ) -> float:
     """Return the mean luminance between two cones, by solid angle."""
-    hit = _cone_hits(solved.rays, tuple(eye.tolist()), tuple(forward.tolist()), cone_deg)
+    hit = _cone_hits(solved.rays, eye.position_m, _forward(eye), cone_deg, _CONE_RAYS)
     return float(np.where(hit >= 0, luminances[hit], 0.0).mean())
 
 
 # The eye stays while paints change; few, as each keeps a room's rays.
 @lru_cache(maxsize=4)
 def _cone_hits(
-    rays: Rays, eye: Vector, forward: Vector, cone_deg: tuple[float, float]
+    rays: Rays, eye: Vector, forward: Vector, cone_deg: tuple[float, float], count: int
 ) -> NDArray[np.intp]:
     """Return the patches, or -1, that an eye sees between two cones."""
-    samples = sobol(_CONE_RAYS, 2, seed=0)
+    samples = sobol(count, 2, seed=0)
     ends = np.cos(np.radians(cone_deg))
     cosine = ends[0] + samples[:, :1] * (ends[1] - ends[0])
     sine, turn = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * samples[:, 1:]
@@ -184,14 +237,9 @@ class SurfaceAppearance:
         return float(appearance_distance(self.seen, self.chosen))
 
 
-def surface_appearance(solved: RoomLight, name: str, white: str | None = None) -> SurfaceAppearance:
-    """Return how a surface appears in the room, and how its colour was chosen from an atlas.
-
-    ``white`` is a surface that the eye takes for white; by default a perfect diffuser.
-
-    The eye is in front of the surface's lit middle, 2 m away or half way to the next surface.
-    """
-    mesh, room = solved.mesh, solved.room
+def surface_eye(solved: RoomLight, name: str) -> Eye:
+    """Return an eye before a surface's lit middle, 2 m away or half way to the next surface."""
+    mesh = solved.mesh
     rows = np.flatnonzero(mesh.surface == mesh.names.index(name))
     areas, centres = mesh.areas_m2[rows], mesh.centres_m[rows]
     middle = areas @ centres / areas.sum()
@@ -202,16 +250,21 @@ def surface_appearance(solved: RoomLight, name: str, white: str | None = None) -
     room_m = _AWAY_M if hit < 0 else abs(float((mesh.centres_m[hit] - centre) @ mesh.normals[hit]))
     distance = min(_AWAY_M, room_m / 2.0)
     place = tuple((centre + distance * normal).tolist())
-    eye = Eye(position_m=place, target_m=tuple(centre.tolist()))
-    conditions = look(solved, eye, white=white)
-    grid, reflectance = room.grid, room.reflectance(name)
-    daylight = light("D65", grid)
-    atlas_XYZ = XYZ_from_spectra(daylight, reflectance)
+    return Eye(position_m=place, target_m=tuple(centre.tolist()))
+
+
+def surface_appearance(solved: RoomLight, name: str, white: str | None = None) -> SurfaceAppearance:
+    """Return how a surface appears to `surface_eye`, and how its colour was chosen from an atlas.
+
+    ``white`` is as in `look`.
+    """
+    conditions = look(solved, surface_eye(solved, name), white=white)
+    grid, reflectance = solved.room.grid, solved.room.reflectance(name)
+    atlas_XYZ = XYZ_from_spectra(light("D65", grid), reflectance)
     room_XYZ = XYZ_from_spectra(Spectrum(grid.wavelengths_nm, conditions.irradiance), reflectance)
-    lux = float(lux_from_irradiance(areas @ solved.irradiance[rows] / areas.sum(), grid))
     return SurfaceAppearance(
         name,
-        lux,
+        float(lux_from_irradiance(solved.mean_irradiance(name), grid)),
         atlas_appearance(atlas_XYZ, grid),
         conditions.appearance(room_XYZ),
         _xy(atlas_XYZ),
