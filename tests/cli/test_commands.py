@@ -267,6 +267,13 @@ def test_a_ranking_prints_figures_and_paints_the_picture(tmp_path, monkeypatch, 
     assert {row["paint"] for row in blue["paints"]} == {"sRGB/blue*0.9", mix}
     assert blue["paints"][0]["distance"] < blue["paints"][1]["distance"]
     assert grey["paints"][0]["paint"] == "grey:0.6"
+    lamps = ["--lamp", "D65", "--lamp", "A", "--white", "ceiling", "--figure", "f.png"]
+    over = figures(capsys, "room", "room.toml", *words, "blue", *lamps)
+    assert list(over["lamps"]) == ["D65", "A"] and over["lamps"]["A"]["candidates"] == 3
+    for row in over["worst"]:
+        assert row["worst"] == max(row["D65"], row["A"])
+        assert row["mean"] == pytest.approx((row["D65"] + row["A"]) / 2)
+    assert iio.imread("f.png").shape == (864, 1600, 4)
     surplus = [
         np.subtract(frame[..., 2], frame[..., 0], dtype=float).mean()
         for frame in (iio.imread(f"{name}.png") for name in ("blue", "grey"))

@@ -7,23 +7,38 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
-from volspec.errors import InputError
+from volspec.appearance import Viewing
+from volspec.appearance.models import ciecam02
+from volspec.errors import InputError, RoomError
 from volspec.room import (
     Room,
     RoomLight,
+    RoomResponse,
     irradiance_from_lux,
+    lamp_powers,
+    look,
+    lux_from_irradiance,
     mix_paints,
     paint_set,
     painted_surfaces,
     rank_paints,
+    rank_paints_by_lamp,
     solve_room,
     wanted_appearance,
 )
+from volspec.room.eye import surface_eye
 from volspec.room.mesh import SIDES, box
 from volspec.room.model import PointLamp
 from volspec.room.paint_ranking import interpolated_irradiance
 from volspec.room.wall_paint import appearance_distance, atlas_appearance, wall_appearance
-from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance, reflectance_from_colour
+from volspec.spectra import (
+    DEFAULT_GRID,
+    Spectrum,
+    colour_matching_functions,
+    light,
+    reflectance,
+    reflectance_from_colour,
+)
 
 CUBE = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
 CHEST = box((1, 2, 0.1), (2, 4, 1), "chest")
@@ -66,6 +81,62 @@ def test_the_best_are_those_of_a_ranking_that_solves_every_paint(number):
         assert [each.name for each in found.best] == [paints[i].name for i in order]
         assert [each.distance for each in found.best] == pytest.approx(distances[order], abs=1e-6)
         assert found.candidates == len(paints) and found.solved < 20
+
+
+def test_the_best_over_lamps_are_those_of_solving_every_paint_under_each():
+    paints = paint_set(["ColorChecker"])
+    names = painted_surfaces(room(1).room, "walls")
+    powers = lamp_powers(room(1).room, ["D65", "A", "front=room"])
+    response = RoomResponse.of(room(1), shadow_rays=64)
+    lights = {lamp: response.under(power) for lamp, power in powers.items()}
+    wanted = wanted_appearance("#c0a890")
+    distances = []
+    for light_of_lamp in lights.values():
+        for paint in paints:
+            lit = light_of_lamp.painted(dict.fromkeys(names, paint)).mean_irradiance(*names)
+            distances.append(float(appearance_distance(wall_appearance(paint, lit), wanted)))
+    solved = np.array(distances).reshape(len(lights), -1)
+    found = rank_paints_by_lamp(lights, paints, "walls", wanted, top=4)
+    for over, best in ((solved.max(axis=0), found.by_worst), (solved.mean(axis=0), found.by_mean)):
+        order = np.argsort(over, kind="stable")[:4]
+        assert [paint.name for paint in best] == [paints[i].name for i in order]
+    worst = [paint.worst for paint in found.by_worst]
+    assert worst == pytest.approx(np.sort(solved.max(axis=0))[:4], abs=1e-6)
+    for lamp, alone in zip(lights, solved, strict=True):
+        distances = [paint.distance for paint in found.by_lamp[lamp].best]
+        assert distances == pytest.approx(np.sort(alone)[:4], abs=1e-6)
+        assert found.by_lamp[lamp].solved < len(paints)
+
+
+def test_a_lamp_is_as_bright_as_the_room_s_own_light():
+    powers = lamp_powers(room(1).room, ["D65", "front=A", "room"])
+    lux = [float(lux_from_irradiance(power).sum()) for power in powers.values()]
+    assert lux == pytest.approx([500.0] * 3)
+    assert powers["D65"][0] == pytest.approx(irradiance_from_lux(light("D65"), 500.0))
+    with raises(RoomError, "unknown"):
+        lamp_powers(room(1).room, ["back=A"])
+
+
+def test_a_white_surface_counts_in_the_ranking():
+    """White and look are those of an eye before the floor, whatever its paint."""
+    paints = [reflectance(f"ColorChecker/{name}") for name in ("red", "blue", "yellow", "green")]
+    wanted = wanted_appearance("#c04030")
+    found = rank_paints(room(0), paints, "floor", wanted, top=4, white="left")
+    for paint in found.best:
+        light_on = room(0).painted({"floor": paint.reflectance})
+        eye = surface_eye(light_on, "floor")
+        white = look(light_on, eye, white="left").white_XYZ
+        E, Q = light_on.mean_irradiance("floor"), colour_matching_functions(light_on.room.grid)
+        lux = float(lux_from_irradiance(E))
+        XYZ = 100.0 / (Q[1] @ E) * (Q @ (paint.reflectance.values * E))
+        viewing = Viewing(L_A=lux / np.pi, Y_b=float(XYZ[1]))
+        own = ciecam02.forward(XYZ, viewing.conditions(white))
+        for name in "JCh":
+            assert float(getattr(paint.seen, name)) == pytest.approx(getattr(own, name), rel=1e-5)
+    distances = [float(appearance_distance(paint.seen, wanted)) for paint in found.best]
+    assert distances == sorted(distances)
+    plain = rank_paints(room(0), paints, "floor", wanted, top=4)
+    assert abs(plain.best[0].distance - found.best[0].distance) > 0.1
 
 
 def test_the_light_of_a_paint_is_within_its_bounds():
@@ -127,6 +198,7 @@ def mixed() -> RoomLight:
         (lambda grey: rank_paints(room(0), [grey], top=0), "range top"),
         (lambda grey: rank_paints(room(0), [reflectance("white")]), "range reflectance"),
         (lambda grey: rank_paints(mixed(), [grey]), "missing wanted"),
+        (lambda grey: rank_paints(room(0), [grey], "floor", white="floor"), "conflict white"),
         (lambda _: painted_surfaces(room(0).room, "wall"), "unknown surface"),
         (lambda _: painted_surfaces(room(1).room, "front"), "conflict surface"),
         (lambda _: wanted_appearance("beigee"), "unknown"),

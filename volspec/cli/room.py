@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -17,8 +17,9 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
+    from volspec.appearance import Viewing
     from volspec.appearance.models import Appearance
-    from volspec.room import MixingLaw, PaintRanking, Room, RoomLight, SurfaceAppearance
+    from volspec.room import LampRanking, MixingLaw, Room, RoomLight, SurfaceAppearance
     from volspec.spectra import Spectrum
 
 # Paints are compared in rooms of fewer patches: each of the best takes a solution.
@@ -31,17 +32,8 @@ _OPTIONS = {
     "wanted": "--wanted",
     "step": "--mix",
     "law": "--mix",
+    "white": "--white",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class _Paints:
-    """Paints to rank, and the appearance to reach."""
-
-    candidates: tuple[Spectrum, ...]
-    surface: str
-    target: Appearance
-    top: int
 
 
 @app.command
@@ -61,6 +53,8 @@ def room(
     wanted: str | None = None,
     mix: str | None = None,
     top: Annotated[int | None, Parameter(converter=as_written)] = None,
+    lamp: Annotated[list[str] | None, Parameter(negative="")] = None,
+    figure: Path | None = None,
     json: Json = False,
 ) -> None:
     """Compute the light in a room, and the colours that an adapted eye sees there.
@@ -102,7 +96,7 @@ def room(
     paint_set
         Paints to rank: a set (training, test, natural, patches), a part of the library, such as
         ColorChecker, an atlas (FILE.csv with a paint in each column, FILE.ti3, FILE.cxf), or one
-        reflectance. Repeatable.
+        reflectance or #rrggbb. Repeatable.
     paint_surface
         The surface that is painted; default: walls, the four.
     wanted
@@ -113,34 +107,39 @@ def room(
         stirred paints (Kubelka-Munk), or of small areas (additive).
     top
         Number of paints to print; default: 10.
+    lamp
+        Light to compare: a spectrum of all the room's lights, as bright as they are; LIGHT=SPECTRUM
+        is one of them alone, and the spectrum room its own. Repeatable: paints are then ranked
+        under each, and by the worst and the mean distance over all.
+    figure
+        Plot the colours as chosen and as seen, in x, y and in C cos h, C sin h: a PNG, PDF or SVG.
     """
     from volspec.appearance import Viewing
     from volspec.room import (
         Rays,
+        RoomResponse,
         default_eye,
+        lamp_powers,
         load_room,
         look,
         look_around,
-        rank_paints,
+        painted_surfaces,
+        rank_paints_by_lamp,
         room_picture,
+        save_room_figure,
         seen_triangle,
         solve_room,
     )
     from volspec.spectra import illuminance_lux, write_spectrum
-    from volspec.spectra.files import TABLE_SUFFIXES
 
-    if picture is not None:
-        require_suffix(picture, "pictures", ".png")
-        require_writable(picture)
+    _require_files(picture, light, figure)
     place = None if at is None else _place(at)
-    if light is not None:
-        require_suffix(light, "spectra", *TABLE_SUFFIXES)
-        require_writable(light)
     if (at is None) is not (light is None):
         raise InputError("--at and --light belong together", "give both", code="missing")
     with in_options():
         viewing = Viewing(model=model)  # type: ignore[arg-type]  # the constructor checks it
     loaded = load_room(room)
+    powers = lamp_powers(loaded, lamp or ())
     if white is not None:
         loaded.reflectance(white)
     paints = None
@@ -158,12 +157,17 @@ def room(
     seen_triangle(Rays(loaded.mesh), eye)  # refused before the solution
     with bar(quiet=json) as tell:
         solved = solve_room(loaded, patches, tell)
+        lights = {"": solved}
+        if lamp:
+            response = RoomResponse.of(solved)
+            lights = {label: response.under(power) for label, power in powers.items()}
         ranking = None
         if paints is not None:
-            wants = paints.surface, paints.target, paints.top
-            ranking = rank_paints(solved, paints.candidates, *wants, tell)
-            best = ranking.best[0].reflectance
-            solved = solved.painted(dict.fromkeys(ranking.surfaces, best))
+            with in_options(_OPTIONS):
+                ranking = rank_paints_by_lamp(lights, *paints, tell, white)
+            [*_, best] = ranking.by_worst[0].by_lamp.values()
+            painted = painted_surfaces(loaded, paints[1])
+            solved = solved.painted(dict.fromkeys(painted, best.reflectance))
         conditions = look(solved, eye, viewing, white)
         if picture is not None:
             from volspec.export import write_frame
@@ -174,36 +178,63 @@ def room(
             shone = solved.light_at(place)
             write_spectrum(shone, light)
     if ranking is not None and paints is not None:
-        _show_ranking(f"{name}: {paints.surface}", ranking, json)
+        _show_ranking(f"{name}: {paints[1]}", ranking, json)
+        best_by_lamp = {lamp: [p.by_lamp[lamp] for p in ranking.by_worst] for lamp in lights}
+        if figure is not None:
+            save_room_figure(best_by_lamp, figure)
     else:
-        rows = [_row(surface, json) for surface in _surfaces(solved, white)]
-        eye_viewing = conditions.viewing
-        title = (
-            f"{name}: {len(solved.mesh.surface)} patches, error {100 * solved.sampling_error:.2g} "
-            f"%; the eye looks at {conditions.surface}: L_A {eye_viewing.L_A:.3g} cd/m², "
-            f"Y_b {eye_viewing.Y_b:.3g}, surround {eye_viewing.surround:.2g}"
-        )
-        show_rows(title, rows, json)
+        surfaces = _show_surfaces(name, conditions.surface, conditions.viewing, lights, white, json)
+        if figure is not None:
+            save_room_figure(surfaces, figure)
     if json:
         return
-    if picture is not None:
-        say(picture)
+    for path in filter(None, (picture, figure)):
+        say(path)
     if light is not None:
         say(f"{light}: {illuminance_lux(shone):.4g} lx at ({at}) m")
 
 
-def _surfaces(solved: RoomLight, white: str | None) -> list[SurfaceAppearance]:
-    """Return how the surfaces appear; note what was taken for eyes that see no white."""
+def _require_files(picture: Path | None, light: Path | None, figure: Path | None) -> None:
+    """Refuse files of other kinds, and those that cannot be written."""
+    from volspec.spectra.files import TABLE_SUFFIXES
+
+    files = (picture, "pictures", (".png",)), (light, "spectra", TABLE_SUFFIXES)
+    for path, kind, suffixes in (*files, (figure, "figures", (".png", ".pdf", ".svg"))):
+        if path is not None:
+            require_suffix(path, kind, *suffixes)
+            require_writable(path)
+
+
+def _show_surfaces(
+    title: str,
+    name: str,
+    eye: Viewing,
+    lights: Mapping[str, RoomLight],
+    white: str | None,
+    as_json: bool,
+) -> dict[str, list[SurfaceAppearance]]:
+    """Print how surfaces appear by lamp; note what was taken for eyes that see no white."""
     from volspec.room import surface_appearance
 
-    room = solved.room
-    names = (name for name in room.mesh.names if room.reflectance(name).any())
-    surfaces = [surface_appearance(solved, name, white) for name in names]
-    notes = {surface.name: surface.conditions.note for surface in surfaces}
+    [*_, light] = lights.values()
+    names = [surface for surface in light.mesh.names if light.room.reflectance(surface).any()]
+    looks = {
+        lamp: [surface_appearance(lit_room, surface, white) for surface in names]
+        for lamp, lit_room in lights.items()
+    }
+    surfaces = [(lamp, surface) for lamp, seen_there in looks.items() for surface in seen_there]
+    notes = {surface.name: surface.conditions.note for _, surface in surfaces}
     for text in dict.fromkeys(filter(None, notes.values())):
-        names = ", ".join(name for name, other in notes.items() if other == text)
-        note(f"{text} (before {names}); --white SURFACE takes another white")
-    return surfaces
+        before = ", ".join(surface for surface, other in notes.items() if other == text)
+        note(f"{text} (before {before}); --white SURFACE takes another white")
+    rows = [({"lamp": lamp} if lamp else {}) | _row(look, as_json) for lamp, look in surfaces]
+    text = (
+        f"{title}: {len(light.mesh.surface)} patches, error {100 * light.sampling_error:.2g} "
+        f"%; the eye looks at {name}: L_A {eye.L_A:.3g} cd/m², "
+        f"Y_b {eye.Y_b:.3g}, surround {eye.surround:.2g}"
+    )
+    show_rows(text, rows, as_json)
+    return looks
 
 
 def _place(text: str) -> tuple[float, float, float]:
@@ -224,8 +255,8 @@ def _paints(
     target: str | None,
     mix: str | None,
     top: int | None,
-) -> _Paints:
-    """Return the paints of the options; refuse wrong ones before the room is solved."""
+) -> tuple[tuple[Spectrum, ...], str, Appearance, int]:
+    """Return paints, surface, wanted look and number; refuse wrong ones before the solution."""
     from volspec.room import (
         mix_paints,
         paint_set,
@@ -249,7 +280,7 @@ def _paints(
     top = 10 if top is None else top
     if top < 1:
         raise InputError.refused("--top", top, "give 1 or more", "range")
-    return _Paints(candidates, surface, appearance, top)
+    return candidates, surface, appearance, top
 
 
 def _parse_mixing(text: str) -> tuple[float, MixingLaw]:
@@ -265,8 +296,31 @@ def _parse_mixing(text: str) -> tuple[float, MixingLaw]:
         raise InputError.refused("--mix", text, remedy, "syntax") from None
 
 
-def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
-    target = _J_C_h(ranking.wanted)
+def _show_ranking(title: str, ranking: LampRanking, as_json: bool) -> None:
+    """Print the best paints under each lamp, and over several."""
+    facts = {lamp: _ranking_facts(ranking, lamp) for lamp in ranking.by_lamp}
+    over: dict[str, list[Row]] = {}
+    for key, paints in (("worst", ranking.by_worst), ("mean", ranking.by_mean)):
+        over[key] = [
+            {"paint": paint.name, "worst": paint.worst, "mean": paint.mean}
+            | {lamp: ranked.distance for lamp, ranked in paint.by_lamp.items()}
+            for paint in paints
+        ]
+    if as_json:
+        print_json(facts.get("", {"lamps": facts, **over}))
+        return
+    for lamp, fact in facts.items():
+        looks = ", ".join(f"{key} {value:.1f}" for key, value in fact["wanted"].items())
+        counts = f"{fact['candidates']} paints, {fact['solved']} of them solved"
+        under = f" under {lamp}" if lamp else ""
+        show_rows(f"{title}{under}; {counts}; wanted: {looks}", fact["paints"], as_json=False)
+    for key, rows in over.items() if len(facts) > 1 else ():
+        show_rows(f"{title} under all, by the {key} distance", rows, as_json=False)
+
+
+def _ranking_facts(ranking: LampRanking, lamp: str) -> dict[str, Any]:
+    """Return the ranking under one lamp as JSON has it."""
+    under = ranking.by_lamp[lamp]
     rows: list[Row] = [
         {
             "paint": paint.name,
@@ -275,23 +329,16 @@ def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
             **_J_C_h(paint.seen),
             **_J_C_h(paint.chosen, "chosen "),
         }
-        for paint in ranking.best
+        for paint in under.best
     ]
-    if as_json:
-        print_json(
-            {
-                "surfaces": list(ranking.surfaces),
-                "wanted": target,
-                "candidates": ranking.candidates,
-                "solved": ranking.solved,
-                "greys": ranking.greys,
-                "paints": rows,
-            }
-        )
-        return
-    looks = ", ".join(f"{key} {value:.1f}" for key, value in target.items())
-    counts = f"{ranking.candidates} paints, {ranking.solved} of them solved"
-    show_rows(f"{title}; {counts}; wanted: {looks}", rows, as_json=False)
+    return {
+        "surfaces": list(under.surfaces),
+        "wanted": _J_C_h(under.wanted),
+        "candidates": under.candidates,
+        "solved": under.solved,
+        "greys": under.greys,
+        "paints": rows,
+    }
 
 
 def _J_C_h(appearance: Appearance, prefix: str = "") -> dict[str, float]:

@@ -9,14 +9,16 @@ from .eye import (
     seen_triangle as seen_triangle,
     surface_appearance as surface_appearance,
 )
+from .figure import save_room_figure as save_room_figure
 from .file import load_room as load_room, paint_named as paint_named
 from .form_factors import Rays as Rays
 from .model import Eye as Eye, Room as Room
 from .paint_ranking import (
-    PaintRanking as PaintRanking,
+    LampRanking as LampRanking,
     painted_surfaces as painted_surfaces,
     present_appearance as present_appearance,
     rank_paints as rank_paints,
+    rank_paints_by_lamp as rank_paints_by_lamp,
     wanted_appearance as wanted_appearance,
 )
 from .paints import (
@@ -37,6 +39,10 @@ from .radiosity import (
     require_inside as require_inside,
     solve_room as solve_room,
 )
-from .response import RoomResponse as RoomResponse, unknown_light as unknown_light
+from .response import (
+    RoomResponse as RoomResponse,
+    lamp_powers as lamp_powers,
+    unknown_light as unknown_light,
+)
 from .specimen import SpecimenLight as SpecimenLight
 from .walls import Backdrop as Backdrop, Placement as Placement, SeenRoom as SeenRoom

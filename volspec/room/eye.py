@@ -39,11 +39,17 @@ from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import Progress, RoomLight, no_progress
 from volspec.room.wall_paint import appearance_distance, atlas_appearance
 from volspec.settings import Vector
-from volspec.spectra import Spectrum, XYZ_from_spectra, colour_matching_functions, light
+from volspec.spectra import (
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    light,
+)
 
 Array = NDArray[np.float64]
 # Cones around the line of sight, degrees, and rays between two of them.
-_BACKGROUND_DEG, _SURROUND_DEG, _CONE_RAYS = (1.0, 11.0), (11.0, 90.0), 1 << 13
+_CONES_DEG, _CONE_RAYS = ((1.0, 11.0), (11.0, 90.0)), 1 << 13
 # Rays between two cones to the white surfaces: their light is within 0.1 % (test_eye).
 _WHITE_RAYS = 1 << 16
 # White is Munsell value 8.5 and more, chroma 1.5 and less [2]: about these in CIELAB under D65.
@@ -87,9 +93,7 @@ def default_eye(room: Room) -> Eye:
 
 def seen_triangle(rays: Rays, eye: Eye) -> int:
     """Return the triangle that an eye looks at; raise RoomError if it sees none, or a back."""
-    mesh, position = rays.mesh, np.array(eye.position_m)
-    forward = np.array(eye.target_m) - position
-    forward /= np.linalg.norm(forward)
+    mesh, position, forward = rays.mesh, np.array(eye.position_m), np.array(_forward(eye))
     hit = int(rays.first(position[None], forward[None])[0])
     if hit < 0 or mesh.normals[hit] @ forward > 0:
         place = ", ".join(f"{x:g}" for x in position)
@@ -146,8 +150,8 @@ def white_surfaces(room: Room) -> tuple[str, ...]:
     daylight = light("D65", room.grid)
     white = XYZ_from_spectra(daylight, np.ones(room.grid.size))
     Lab = cielab(XYZ_from_spectra(daylight, room.reflectances), white)
-    pale = (Lab[:, 0] >= _WHITE_LIGHTNESS) & (np.hypot(*Lab[:, 1:].T) <= _WHITE_CHROMA)
-    return tuple(name for name, is_white in zip(room.mesh.names, pale, strict=True) if is_white)
+    pale = (Lab[:, 0] >= _WHITE_LIGHTNESS) & (np.hypot(Lab[:, 1], Lab[:, 2]) <= _WHITE_CHROMA)
+    return tuple(np.array(room.mesh.names)[pale].tolist())
 
 
 def white_weights(
@@ -166,14 +170,14 @@ def white_weights(
     is_white = np.isin(mesh.surface, [mesh.names.index(name) for name in names])
     view = np.zeros(len(mesh.surface))
     for eye in eyes:
-        for cone in (_BACKGROUND_DEG, _SURROUND_DEG):
+        for cone in _CONES_DEG:
             hit = _cone_hits(solved.rays, eye.position_m, _forward(eye), cone, _WHITE_RAYS)
             view += np.bincount(hit[hit >= 0], minlength=len(view))
     weights, note = view * is_white, ""
     if not weights.any() and white is not None:
         weights, note = mesh.areas_m2 * is_white, f"{white} is out of view: all of it counts"
     elif not weights.any():
-        weights = view * room.reflectances.any(axis=1)[mesh.surface]
+        weights = view * np.any(room.reflectances, axis=1)[mesh.surface]
         note = "no white surface in view: a perfect diffuser in the mean light on all that is seen"
     return weights / max(float(weights.sum()), 1e-30), note
 
@@ -187,20 +191,14 @@ def _forward(eye: Eye) -> Vector:
 
 def cone_luminances(solved: RoomLight, eye: Eye, lux: float) -> tuple[float, float]:
     """Return the luminances, cd/m², of background and surround; a white gets ``lux``."""
+    line = eye.position_m, _forward(eye)
     luminances = lux_from_irradiance(solved.radiosity, solved.room.grid) / np.pi
     luminances = np.minimum(luminances, _BRIGHTEST * lux / np.pi)
     background, surround = (
-        _cone_mean(solved, luminances, eye, cone) for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
+        float(np.where(hit >= 0, luminances[hit], 0.0).mean())
+        for hit in (_cone_hits(solved.rays, *line, cone, _CONE_RAYS) for cone in _CONES_DEG)
     )
     return background, surround
-
-
-def _cone_mean(
-    solved: RoomLight, luminances: Array, eye: Eye, cone_deg: tuple[float, float]
-) -> float:
-    """Return the mean luminance between two cones, by solid angle."""
-    hit = _cone_hits(solved.rays, eye.position_m, _forward(eye), cone_deg, _CONE_RAYS)
-    return float(np.where(hit >= 0, luminances[hit], 0.0).mean())
 
 
 # The eye stays while paints change; few, as each keeps a room's rays.
@@ -267,15 +265,21 @@ def surface_appearance(solved: RoomLight, name: str, white: str | None = None) -
         float(lux_from_irradiance(solved.mean_irradiance(name), grid)),
         atlas_appearance(atlas_XYZ, grid),
         conditions.appearance(room_XYZ),
-        _xy(atlas_XYZ),
-        _xy(room_XYZ),
+        chromaticity(reflectance, grid),
+        chromaticity(reflectance, grid, conditions.irradiance),
         conditions,
     )
 
 
-def _xy(XYZ: Array) -> tuple[float, float]:
-    total = max(float(XYZ.sum()), 1e-30)
-    return float(XYZ[0]) / total, float(XYZ[1]) / total
+def chromaticity(
+    reflectance: Array, grid: SpectralGrid, irradiance: Array | None = None
+) -> tuple[float, float]:
+    """Return x and y of a reflectance (B,) in an irradiance (B,), by default D65."""
+    Q = colour_matching_functions(grid)
+    E = light("D65", grid).values if irradiance is None else irradiance
+    X, Y, Z = (Q @ (reflectance * E)).tolist()
+    total = max(X + Y + Z, 1e-30)
+    return X / total, Y / total
 
 
 def room_picture(
@@ -347,8 +351,7 @@ def picture_XYZ(
 def pixel_rays(eye: Eye, size: tuple[int, int], samples: int) -> Array:
     """Return unit directions (H·s·W·s, 3) of the pixels' rays, rows from the top."""
     width, height = size
-    forward = np.array(eye.target_m) - eye.position_m
-    forward /= np.linalg.norm(forward)
+    forward = np.array(_forward(eye))
     right = np.cross(forward, [0.0, 0.0, 1.0])
     if np.linalg.norm(right) < 1e-6:
         right = np.array([1.0, 0.0, 0.0])

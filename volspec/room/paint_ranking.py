@@ -12,7 +12,8 @@ whose every derivative is 0 or more. It is solved for a few greys r_0 < … < r_
 for all paints. Then E is between the polynomial through all greys and that without the last one, as
 their errors, divided differences times Π(r - r_i), have opposite signs. This bounds how far each
 paint's distance can be from its estimate, and paints are solved in the order of what they can reach
-at best, until no other can be among the best.
+at best, until no other can be among the best. Over several lamps, the worst distance and the mean
+are bounded alike. A white surface's light is another such sum.
 
 References
 ----------
@@ -21,14 +22,17 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import _lru_cache_wrapper, cache, partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models import Appearance
 from volspec.errors import RoomError, SpectrumError, nearest
+from volspec.room.eye import chromaticity, surface_eye, white_weights
 from volspec.room.file import WALLS
 from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance, require_reflectance
@@ -61,6 +65,11 @@ class RankedPaint:
     chosen: Appearance  # its own in an atlas
     lux: float  # on the painted surfaces, mean
     reflectance: Spectrum
+    chosen_xy: tuple[float, float]
+    seen_xy: tuple[float, float]
+
+
+Ranked = TypeVar("Ranked")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +83,25 @@ class PaintRanking:
     solved: int  # candidates for which the room was solved
     greys: int  # solutions besides
     bound: float  # largest difference of a distance from its estimate that was allowed for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LampPaint:
+    """A paint under several lamps."""
+
+    name: str
+    worst: float  # distance from the wanted appearance under the lamp where it is largest
+    mean: float
+    by_lamp: dict[str, RankedPaint]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LampRanking:
+    """The best paints under each lamp, and over all lamps by their worst and mean distance."""
+
+    by_lamp: dict[str, PaintRanking]
+    by_worst: tuple[LampPaint, ...]
+    by_mean: tuple[LampPaint, ...]
 
 
 def painted_surfaces(room: Room, name: str) -> tuple[str, ...]:
@@ -142,6 +170,7 @@ def rank_paints(
     wanted: Appearance | None = None,
     top: int = 10,
     progress: Progress = no_progress,
+    white: str | None = None,
 ) -> PaintRanking:
     """Return the paints with which a surface of a room looks most as wanted.
 
@@ -161,60 +190,149 @@ def rank_paints(
         By default, that of the surface's present paint in an atlas.
     top : int
         Number of paints to return.
+    white : str, optional
+        A surface that the eye takes for white, as seen from before the painted ones; by default a
+        perfect diffuser on them.
 
     Raises
     ------
     RoomError
-        If there is no paint, one reflects 1 or more, the surface is unknown, or its parts have
-        several paints and nothing is ``wanted``.
+        If there is no paint, one reflects 1 or more, the surface is unknown, its parts have several
+        paints and nothing is ``wanted``, or the white is unknown or painted.
     """
-    room, grid = light.room, light.room.grid
+    ranking = rank_paints_by_lamp({"": light}, paints, surface, wanted, top, progress, white)
+    return ranking.by_lamp[""]
+
+
+def rank_paints_by_lamp(
+    lights: Mapping[str, RoomLight],
+    paints: Sequence[Spectrum],
+    surface: str = "walls",
+    wanted: Appearance | None = None,
+    top: int = 10,
+    progress: Progress = no_progress,
+    white: str | None = None,
+) -> LampRanking:
+    """Return the best paints under each of several lamps, and over all of them.
+
+    ``lights`` are the same room by lamp (`RoomResponse.under`). All else, and errors, are as in
+    `rank_paints`; the paints over all lamps are exact in the same way.
+    """
+    first = next(iter(lights.values()))
+    room, grid = first.room, first.room.grid
     surfaces = painted_surfaces(room, surface)
     wanted = present_appearance(room, surface) if wanted is None else wanted
     if not paints:
         raise RoomError("no paints", "give one or more", code="missing", field="paints")
     if top < 1:
         raise RoomError.refused("top", top, "give 1 or more", "range")
+    if white in surfaces:
+        raise RoomError.refused("white", white, "give a surface that is not painted", "conflict")
     rho = require_reflectance(list(paints), [paint.name for paint in paints], grid)
+    mesh = first.mesh
+    area = mesh.areas_m2 * np.isin(mesh.surface, [mesh.names.index(name) for name in surfaces])
+    weights, white_paint = [area / area.sum()], None
+    if white is not None:
+        white_paint, eyes = room.reflectance(white), [surface_eye(first, n) for n in surfaces]
+        weights.append(white_weights(first, eyes, white)[0])
 
-    def irradiance(paint: Array) -> Array:
-        painted = light.painted(dict.fromkeys(surfaces, paint))
-        return painted.mean_irradiance(*surfaces)
+    def irradiance(light: RoomLight, paint: Array) -> Array:
+        """On the painted surfaces and on the white, (1, B) or (2, B)."""
+        return np.array(weights) @ light.painted(dict.fromkeys(surfaces, paint)).irradiance
 
+    lamps = {
+        name: _bound_paints(
+            paints, rho, partial(irradiance, light), wanted, white_paint, grid, progress
+        )
+        for name, light in lights.items()
+    }
+
+    def under_all(i: int) -> LampPaint:
+        by_lamp = {name: lamp.solve(i) for name, lamp in lamps.items()}
+        distances = [paint.distance for paint in by_lamp.values()]
+        return LampPaint(paints[i].name, max(distances), float(np.mean(distances)), by_lamp)
+
+    lowest = np.array([lamp.lowest for lamp in lamps.values()])
+    best = {
+        name: _best(lamp.lowest, lamp.solve, lambda paint: paint.distance, top, progress)
+        for name, lamp in lamps.items()
+    }
+    by_worst = _best(lowest.max(axis=0), under_all, lambda paint: paint.worst, top, progress)
+    by_mean = _best(lowest.mean(axis=0), under_all, lambda paint: paint.mean, top, progress)
+    by_lamp = {}
+    for name, lamp in lamps.items():
+        solved = lamp.solve.cache_info().currsize
+        counts = len(rho), solved, lamp.greys, lamp.bound
+        by_lamp[name] = PaintRanking(best[name], wanted, surfaces, *counts)
+    return LampRanking(by_lamp, by_worst, by_mean)
+
+
+def _best(
+    lowest: Array,
+    solve: Callable[[int], Ranked],
+    distance: Callable[[Ranked], float],
+    top: int,
+    progress: Progress,
+) -> tuple[Ranked, ...]:
+    """Return the ``top`` paints by distance; ``lowest`` (N,) is what they can reach at best."""
+    exact: dict[int, Ranked] = {}
+    for i in np.argsort(lowest, kind="stable").tolist():
+        if len(exact) >= top and lowest[i] > sorted(map(distance, exact.values()))[top - 1]:
+            break
+        progress("best paints", min(len(exact) / top, 0.99))
+        exact[i] = solve(i)
+    progress("best paints", 1.0)
+    return tuple(exact[i] for i in sorted(exact, key=lambda k: (distance(exact[k]), k))[:top])
+
+
+class _BoundPaints(NamedTuple):
+    """N paints under one light."""
+
+    lowest: Array  # (N,) distances that they have at least
+    bound: float  # the largest
+    greys: int
+    solve: _lru_cache_wrapper[RankedPaint]  # by the paint's number
+
+
+def _bound_paints(
+    paints: Sequence[Spectrum],
+    rho: Array,
+    irradiance: Callable[[Array], Array],
+    target: Appearance,
+    white: Array | None,
+    grid: SpectralGrid,
+    progress: Progress,
+) -> _BoundPaints:
+    """Return the least distances of paints (N, B) under one light, from those of greys."""
     greys = _greys(rho)
     solutions = []
     for number, grey in enumerate(greys):
         progress("light of greys", number / len(greys))
         solutions.append(irradiance(np.full(grid.size, grey)))
     progress("light of greys", 1.0)
-    E, error = interpolated_irradiance(greys, np.array(solutions), rho)
+    rows, flat = len(solutions[0]), np.array(solutions).reshape(len(greys), -1)
+    E, error = interpolated_irradiance(greys, flat, np.tile(rho, (1, rows)))
     lowest, bounds = np.zeros(len(rho)), np.zeros(len(rho))
     for i, paint in enumerate(rho):
         progress("paints", i / len(rho))
-        estimate = float(appearance_distance(wall_appearance(paint, E[i], grid), wanted))
-        slopes = np.linalg.norm(irradiance_slopes(paint, E[i], grid), axis=0)
+        E_i = E[i].reshape(rows, -1).squeeze()
+        appearance = wall_appearance(paint, E_i, grid, white=white)
+        slopes = np.linalg.norm(irradiance_slopes(paint, E_i, grid, white), axis=0)
         bounds[i] = _CURVATURE * float(slopes @ error[i]) + _ROUNDING
-        lowest[i] = estimate - bounds[i]
+        lowest[i] = float(appearance_distance(appearance, target)) - bounds[i]
     progress("paints", 1.0)
-    exact: dict[int, tuple[float, Array, Appearance]] = {}
-    for i in np.argsort(lowest, kind="stable").tolist():
-        distances = sorted(distance for distance, _, _ in exact.values())
-        if len(exact) >= top and lowest[i] > distances[top - 1]:
-            break
-        progress("best paints", min(len(exact) / top, 0.99))
+
+    @cache
+    def solve(i: int) -> RankedPaint:
         E_i = irradiance(rho[i])
-        appearance = wall_appearance(rho[i], E_i, grid)
-        exact[i] = float(appearance_distance(appearance, wanted)), E_i, appearance
-    progress("best paints", 1.0)
-    best = []
-    for i in sorted(exact, key=lambda k: (exact[k][0], k))[:top]:
-        distance, E_i, appearance = exact[i]
+        appearance = wall_appearance(rho[i], E_i.squeeze(), grid, white=white)
+        distance, name = float(appearance_distance(appearance, target)), paints[i].name
         atlas_look = atlas_appearance(Spectrum(grid.wavelengths_nm, rho[i]), grid)
-        lux = float(lux_from_irradiance(E_i, grid))
-        best.append(RankedPaint(paints[i].name, distance, appearance, atlas_look, lux, paints[i]))
-    return PaintRanking(
-        tuple(best), wanted, surfaces, len(rho), len(exact), len(greys), float(bounds.max())
-    )
+        lux = float(lux_from_irradiance(E_i[0], grid))
+        xy = chromaticity(rho[i], grid), chromaticity(rho[i], grid, E_i[0])
+        return RankedPaint(name, distance, appearance, atlas_look, lux, paints[i], *xy)
+
+    return _BoundPaints(lowest, float(bounds.max()), len(greys), solve)
 
 
 def _greys(reflectances: Array) -> Array:

@@ -21,6 +21,7 @@ import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -28,7 +29,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, reflectance
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    reflectance,
+    reflectance_from_colour,
+)
 from volspec.spectra.files import COLUMNS, fold_name, read_columns, split_address
 from volspec.spectra.library import (
     as_reflectance,
@@ -61,7 +68,7 @@ def paint_set(
     names : sequence of str
         Each is a set of `reflectance_set`, such as ``natural``; a part of the library, such as
         ``ColorChecker``; an atlas, ``FILE.csv`` with a paint in each column, or a measured chart
-        (``FILE.ti3``, ``FILE.cxf``); or one paint, as `reflectance` takes it.
+        (``FILE.ti3``, ``FILE.cxf``); or one paint, as `reflectance` takes it, or #rrggbb.
     grid : SpectralGrid
     folder : path
         Base of a file's relative name.
@@ -84,6 +91,8 @@ def _find_paints(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) 
     """Return the paints of one name."""
     if name in reflectance_sets():
         return [reflectance(n, grid) for n in reflectance_set_names(name)]
+    if name.startswith("#"):
+        return [replace(reflectance_from_colour(name, grid=grid), name=name)]
     address = split_address(name)
     if address and not address[1] and Path(address[0]).suffix.lower() in COLUMNS:
         return _atlas(os.fspath(Path(folder, name)), grid)

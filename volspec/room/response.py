@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,9 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import RoomError, nearest
 from volspec.room.direct_light import SHADOW_RAYS
 from volspec.room.mesh import RoomMesh
+from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance
-from volspec.spectra import Spectrum, light_power
+from volspec.spectra import Spectrum, light, light_power
 
 Array = NDArray[np.float64]
 # Factor by which an estimate scales reflected light, at most: from black, it is spread evenly.
@@ -132,6 +133,27 @@ class RoomResponse:
         system = np.eye(len(factors)) - factors * reflectances.T[:, None, :]  # (B, S, S)
         total = np.linalg.solve(system, np.broadcast_to(direct.T, (len(system), *direct.T.shape)))
         return total.transpose(2, 1, 0) - direct[:, :, None]
+
+
+def lamp_powers(room: Room, lamps: Sequence[str]) -> dict[str, Array]:
+    """Return spectra (L, B) of a room's lights under each of some lamps, as bright as its own.
+
+    A lamp is a spectrum of all lights, such as ``A``; ``LIGHT=SPECTRUM`` is one light alone. The
+    spectrum ``room`` is the light's own. Raises RoomError if there is no such light, SpectrumError
+    if a spectrum is unknown.
+    """
+    powers = {}
+    for lamp in lamps:
+        name, alone, text = lamp.rpartition("=")
+        if alone and name not in room.lights:
+            raise unknown_light(name, room.lights)
+        power = np.array([E * (not alone or n == name) for n, E in room.lights.items()])
+        if text != "room":
+            shape = light_power(light(text, room.grid), room.grid)
+            lux = lux_from_irradiance(power, room.grid) / lux_from_irradiance(shape, room.grid)
+            power = lux[:, None] * shape
+        powers[lamp] = power
+    return powers
 
 
 def _surface_means(mesh: RoomMesh, values: Array) -> Array:

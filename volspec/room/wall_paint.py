@@ -139,6 +139,7 @@ def wall_appearance(
     grid: SpectralGrid = DEFAULT_GRID,
     *,
     Y_b: float | None = None,
+    white: Array | None = None,
 ) -> Appearance:
     """Return the CIECAM02 appearance of a wall to an eye adapted to the light on it.
 
@@ -152,6 +153,9 @@ def wall_appearance(
     Y_b : float, optional
         Luminance factor of the background, percent of white; if left out, the wall's own Y: a wall
         is its own background [1, section 4.4].
+    white : (B,) array, optional
+        Reflectance of a white surface (eq. 6 and 8); ``irradiance`` then is (2, B), on the wall and
+        on that. If left out, a perfect diffuser on the wall.
 
     Returns
     -------
@@ -164,18 +168,23 @@ def wall_appearance(
         If no visible light falls on the wall, or a shape differs.
     """
     paint = require_spectrum("reflectance", reflectance, grid)
-    E = require_spectrum("irradiance", irradiance, grid)
-    return _appearance(_wall_and_white(paint, E, grid), Y_b)
+    E = irradiance if white is not None else require_spectrum("irradiance", irradiance, grid)
+    return _appearance(_wall_and_white(paint, E, grid, white), Y_b)
 
 
-def irradiance_slopes(paint: Array, irradiance: Array, grid: SpectralGrid = DEFAULT_GRID) -> Array:
+def irradiance_slopes(
+    paint: Array, irradiance: Array, grid: SpectralGrid = DEFAULT_GRID, white: Array | None = None
+) -> Array:
     """Return the derivatives (3, B) of `wall_appearance`'s J, a_C and b_C by the irradiance (B,).
 
-    The paint (B,) and the irradiance are as there; a wall is its own background.
+    All are as there, and with a ``white`` (3, 2 B); a wall is its own background.
     """
     Q = LUMINOUS_EFFICACY * colour_matching_functions(grid)
-    slopes = _colour_slopes(_wall_and_white(paint, irradiance, grid), None)
-    return slopes @ np.vstack([Q * paint, Q])
+    slopes = _colour_slopes(_wall_and_white(paint, irradiance, grid, white), None)
+    rho = 1.0 if white is None else white
+    wall = slopes[:, :4] @ np.vstack([Q * paint, Q[1:2]])
+    on_white = slopes[:, 4:] @ np.vstack([Q * rho, Q[1:2]])
+    return wall + on_white if white is None else np.hstack([wall, on_white])
 
 
 def atlas_appearance(
@@ -193,7 +202,8 @@ def atlas_appearance(
         XYZ = XYZ_from_spectra(D65, colour)
     else:
         XYZ = colour_XYZ(colour, white)
-    return _appearance(np.concatenate([XYZ, white]) * (_ATLAS_LUX / 100.0), _ATLAS_Y_B)
+    colours = np.concatenate([XYZ, [100.0], white, [100.0]])
+    return _appearance(colours * (_ATLAS_LUX / 100.0), _ATLAS_Y_B)
 
 
 def appearance_distance(one: Appearance, other: Appearance) -> Array:
@@ -309,7 +319,8 @@ class _PaintedWall:
         step = np.where(paint < 0.5, _PAINT_STEP, -_PAINT_STEP)
         E_slope = (stack(self.irradiance(paint + step), self.grid) - E) / step
         Q = LUMINOUS_EFFICACY * colour_matching_functions(self.grid)
-        by_paint = np.vstack([Q * (E + paint * E_slope), Q * E_slope])
+        light_slope = Q[1:2] * E_slope
+        by_paint = np.vstack([Q * (E + paint * E_slope), light_slope, Q * E_slope, light_slope])
         return _colour_slopes(_wall_and_white(paint, E, self.grid), self.Y_b) @ by_paint
 
 
@@ -340,27 +351,32 @@ def _coordinates(appearance: Appearance) -> Array:
     return opponents("wall_paint", appearance.J, appearance.C, appearance.h)
 
 
-def _wall_and_white(paint: Array, irradiance: Array, grid: SpectralGrid) -> Array:
-    """Return (6,) X, Y, Z of a wall's radiosity and of its irradiance; both Y in lux."""
-    Q = LUMINOUS_EFFICACY * colour_matching_functions(grid)
-    return np.concatenate([Q @ (paint * irradiance), Q @ irradiance])
+def _wall_and_white(
+    paint: Array, irradiance: ArrayLike, grid: SpectralGrid, white: Array | None = None
+) -> Array:
+    """Return (8,) X, Y, Z of a wall's radiosity and lux on it; the same of the white."""
+    Q, E = LUMINOUS_EFFICACY * colour_matching_functions(grid), np.atleast_2d(irradiance)
+    on_white = E[-1] if white is None else white * E[-1]
+    return np.concatenate([Q @ (paint * E[0]), Q[1:2] @ E[0], Q @ on_white, Q[1:2] @ E[-1]])
 
 
 def _appearance(wall_and_white: Array, Y_b: float | None) -> Appearance:
     """Return the appearance of a wall: eq. 4-6 and 9, from `_wall_and_white`."""
-    lux = float(wall_and_white[4])
-    if not lux > 0.0:
-        raise RoomError("no visible light on the wall", "let a patch emit", code="missing")
-    wall, white = np.split(wall_and_white * (100.0 / lux), 2)
+    wall, white = np.split(wall_and_white, 2)
+    lux = float(wall[3])
+    if not min(lux, float(white[1])) > 0.0:
+        thing = "wall" if white[1] > 0.0 else "white"
+        raise RoomError(f"no visible light on the {thing}", "let a patch emit", code="missing")
+    wall, white = (each[:3] * (100.0 / each[3]) for each in (wall, white))
     viewing = Viewing(L_A=lux / np.pi, Y_b=float(wall[1]) if Y_b is None else Y_b)
     return ciecam02.forward(wall, viewing.conditions(white))
 
 
 def _colour_slopes(wall_and_white: Array, Y_b: float | None) -> Array:
-    """Return the derivatives (3, 6) of `_appearance`'s J, a_C and b_C, by central differences."""
+    """Return the derivatives (3, 8) of `_appearance`'s J, a_C and b_C, by central differences."""
     columns = []
     # A red light may have no Z at all.
-    sizes = np.maximum(wall_and_white, _MIN_XYZ * wall_and_white[4])
+    sizes = np.maximum(wall_and_white, _MIN_XYZ * wall_and_white[3])
     for step in np.diag(_COLOUR_STEP * sizes):
         # A black wall is at the end of the range.
         ends = [np.maximum(wall_and_white + sign * step, 0.0) for sign in (1, -1)]
