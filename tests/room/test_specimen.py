@@ -55,6 +55,24 @@ def test_the_groups_give_the_light_on_a_surface_of_any_direction():
     assert np.sqrt(np.mean((made - true) ** 2)) < 0.06 * true.mean()
 
 
+def test_the_error_on_a_large_specimen_is_that_of_light_along_its_surface():
+    """A lamp of 100 cd in a black room: by the inverse square, over a ball of 0.8 m."""
+    lamp = PointLamp((1.5, 1.5, 2.7), irradiance_from_lux(light("A"), 100.0), "bulb")
+    response = solved(Room(CUBE, np.zeros((6, DEFAULT_GRID.size)), {}, (lamp,)))
+    found = SpecimenLight.of(response, POINT)
+    normals = np.random.default_rng(5).normal(size=(200_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for radius in (0.001, 0.8):
+        ray = np.array(lamp.position_m) - POINT - radius * normals
+        true = 100.0 * np.maximum(np.einsum("kc,kc->k", normals, ray), 0.0)
+        true /= np.linalg.norm(ray, axis=1) ** 3
+        at_middle = 100.0 / 1.5**2 * np.maximum(normals[:, 2], 0.0)
+        expected = np.sqrt(np.mean((at_middle - true) ** 2)) / true.mean()
+        error = found.error_on(response.solved, np.array(POINT), radius * np.eye(3))
+        assert error == pytest.approx(expected, rel=0.08, abs=0.02)
+    assert expected > 0.5
+
+
 def test_other_paints_keep_the_directions():
     response = two_lights()
     found, painted = SpecimenLight.of(response, POINT), response.painted(PAINTED)

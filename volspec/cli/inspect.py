@@ -201,7 +201,7 @@ def _line(checked: CheckedExport) -> str:
     volume = f"volume {' × '.join(map(str, checked.volume))}, " if checked.volume else ""
     room = ""
     if checked.room_error is not None:
-        room = f", the room's light within {100 * checked.room_error:.2g} %"
+        room = f", the room's light on it within {100 * checked.room_error:.2g} %"
     return (
         f"{checked.path}: ok: {count_of(checked.materials, 'material')}, "
         f"{count_of(checked.lights, 'light')}, {volume}basis {checked.basis} "

@@ -376,7 +376,7 @@ def check_scene(path: str | os.PathLike[str]) -> CheckedExport:
         volume=None if file.volume.file == EMPTY else volume.finest.shape_xyz,
         basis=scene.basis.name,
         reason=reason,
-        room_error=None if scene.room is None else scene.room.specimen.error,
+        room_error=None if scene.room is None else scene.room.extent_error(volume),
     )
 
 

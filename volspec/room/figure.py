@@ -2,12 +2,8 @@
 
     surfaces or ranked paints, by lamp -> [figure] -> PNG, PDF, SVG
 
-Left, x and y [1, figure 6]; right, a_C = C cos h and b_C = C sin h to the adapted eye [1, figure
-8]. Lines lead from the colour in the atlas to that under each lamp.
-
-References
-----------
-[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity".
+Left, x and y; right, a_C = C cos h and b_C = C sin h to the adapted eye. Lines lead from the colour
+in the atlas to that under each lamp, as figures 6 and 8 of Neumann et al. (2004).
 """
 
 from __future__ import annotations

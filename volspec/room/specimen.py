@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 from volspec.errors import RoomError
 from volspec.room.direct_light import direct_irradiance
 from volspec.room.quantities import lux_from_irradiance
-from volspec.room.radiosity import require_inside
+from volspec.room.radiosity import RoomLight, require_inside
 from volspec.room.response import RoomResponse
 from volspec.spectra import colour_matching_functions
 
@@ -122,6 +122,19 @@ class SpecimenLight:
         fitted_lux = lux_from_irradiance(columns @ np.einsum("lgb,lb->gb", groups, power), grid)
         error = math.sqrt(np.mean((fitted_lux - target_lux) ** 2)) / float(target_lux.mean())
         return replace(self, irradiance=groups, error=error, brightest_lux=brightest)
+
+    def error_on(self, solved: RoomLight, centre_m: Array, semi_axes_m: Array) -> float:
+        """Return the `error` on an ellipsoid, whose rows of semi-axes (3, 3) are orthogonal."""
+        sphere, grid = _sphere(_NORMALS), solved.room.grid
+        normals = sphere @ np.linalg.inv(semi_axes_m).T
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        lux = lux_from_irradiance(
+            solved.irradiance_at(centre_m + sphere @ semi_axes_m, normals), grid
+        )
+        power = np.array([*solved.room.lights.values()])
+        groups = lux_from_irradiance(np.einsum("lgb,lb->gb", self.irradiance, power), grid)
+        fitted = groups[0] + np.maximum(normals @ self.directions.T, 0.0) @ groups[1:]
+        return math.sqrt(np.mean((fitted - lux) ** 2)) / float(lux.mean())
 
     def _irradiances(self, response: RoomResponse) -> Array:
         """Return (L, P, B) irradiances of surfaces with P normals."""

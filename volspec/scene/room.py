@@ -334,6 +334,13 @@ class SceneRoom:
         towards = math.cos(elevation) * around + math.sin(elevation) * axis
         return np.asarray(self.placement.axes @ towards)
 
+    def extent_error(self, volume: Volume) -> float:
+        """Return the error of the light on the largest ellipsoid in a volume's extent."""
+        place = self.placement
+        half_m = 0.5 * place.metres_per_mm * np.ptp(volume.corners_mm, axis=0)
+        semi_axes = half_m[:, None] * place.axes.T
+        return self.specimen.error_on(self.response.solved, place.position_m, semi_axes)
+
     # What is behind the volume.
 
     def behind(self, volume: Volume, basis: Basis) -> Backdrop | None:
