@@ -42,8 +42,8 @@ def read_picture(path: Path) -> tuple[NDArray[Any], dict[Any, Any]]:
     import pyvista
 
     if path.suffix.lower() not in _FORMATS:
-        problem, known = f"{path}: not a known format of images", ", ".join(_FORMATS)
-        raise MeshError(problem, f"known: {known}", code="unsupported")
+        problem, formats = f"{path}: not a known format of images", ", ".join(_FORMATS)
+        raise MeshError(problem, f"known: {formats}", code="unsupported")
     require_inside(path, MeshError)
     if not path.exists():
         raise MeshError(f"{path}: no such file", "check the path", code="not-found")
@@ -88,10 +88,10 @@ def read_colours(path: Path) -> tuple[NDArray[Any], bool]:
         texels = texels[..., [0, 0, 0, 1]] if texels.ndim == 3 else np.dstack([texels] * 3)
     white = np.iinfo(texels.dtype).max
     linear = space.decode(np.arange(white + 1) / white)
-    codes = to_uint16(texels / white)  # alpha stays
+    converted = to_uint16(texels / white)  # alpha stays
     for row, line in enumerate(texels[..., :3]):
-        codes[row, :, :3] = to_uint16(P3.encode(linear[line] @ matrix.T))
-    return codes, True
+        converted[row, :, :3] = to_uint16(P3.encode(linear[line] @ matrix.T))
+    return converted, True
 
 
 def _p3_from(space: ColourSpace) -> Array:

@@ -367,7 +367,7 @@ def _appearance(wall_and_white: Array, Y_b: float | None) -> Appearance:
     if not min(lux, float(white[1])) > 0.0:
         thing = "wall" if white[1] > 0.0 else "white"
         raise RoomError(f"no visible light on the {thing}", "let a patch emit", code="missing")
-    wall, white = (each[:3] * (100.0 / each[3]) for each in (wall, white))
+    wall, white = (rho[:3] * (100.0 / rho[3]) for rho in (wall, white))
     viewing = Viewing(L_A=lux / np.pi, Y_b=float(wall[1]) if Y_b is None else Y_b)
     return ciecam02.forward(wall, viewing.conditions(white))
 
