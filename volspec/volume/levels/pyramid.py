@@ -505,7 +505,6 @@ class Pyramid:
             complete = len(boxes) == 1 and boxes[0] == of_chunk
             entry.values = pieces[0] if complete else level.within_ranges(of_chunk)
             self.counts.chunks += 1
-            self.cache.put(chunk, entry)
         was_read = self._read_blocks.setdefault(chunk, np.zeros_like(entry.present))
         for box, values in zip(boxes, pieces, strict=True):
             if values is not entry.values:
@@ -516,6 +515,7 @@ class Pyramid:
             if was_read[blocks].any():
                 self.counts.again_bytes += round(values.nbytes * float(was_read[blocks].mean()))
             was_read[blocks] = True
+        self.cache.put(chunk, entry)  # at last: another thread would replace values without blocks
 
     def _as_cast(self, values: NDArray[Any]) -> NDArray[Any]:
         if values.dtype.kind == "f":
