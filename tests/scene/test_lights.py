@@ -147,7 +147,7 @@ WRONG = [
     *(
         (group(source) + DAY, f"{code} group[0].sources[0]{key}")
         for source, code, key in (
-            ('{ kind = "spot" }', "unknown", ".kind"),
+            ('{ kind = "lamp" }', "unknown", ".kind"),
             ('"ambient"', "unknown", ""),
             ('{ kind = "directional" }', "missing", ".towards"),
             ('{ kind = "directional", towards = [0, 0, 0] }', "range", ".towards"),
@@ -159,8 +159,8 @@ WRONG = [
                 *("unknown", ".occlusion"),
             ),
             (
-                '{ kind = "point", position_mm = [0, 0, 1], radius_mm = true }',
-                *("unknown", ".radius_mm"),
+                '{ kind = "point", position_mm = [0, 0, 1], occlusion = true }',
+                *("unknown", ".occlusion"),
             ),
         )
     ),
