@@ -44,7 +44,7 @@ def with_one_mebibyte() -> vs.Raycaster:
         (lambda: vs.Camera.orbit(SMALL, target_mm=(1, 2)), "shape Orbit.target_mm"),
         (lambda: vs.Camera.orbit(SMALL, up=(0, 0, 0)), "range Orbit.up"),
         (lambda: vs.Raycaster(SMALL, lanes=3), "range Raycaster: lanes"),
-        (lambda: cast(vs.Raycaster(SMALL), 33), "size "),
+        (lambda: cast(vs.Raycaster(SMALL), 129), "size "),
         (lambda: cast(with_one_mebibyte(), 16), "size "),
         (lambda: vs.raycast(BALL, COPPER, SIDE, caster=vs.Raycaster(SMALL)), "conflict "),
     ],
