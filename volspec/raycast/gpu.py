@@ -575,7 +575,9 @@ class VolumeCaster:
                     self._uploaded[volume.name] = _Field.of(self._compute, volume)
             dtype = common_dtype(volumes)
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
-            frame = frame_around(self._field.volume, names)
+            frame = self._field.volume  # of one field as it is, to the bit
+            if names != [self.volume.name]:
+                frame = frame_around(frame, names)
             lights = LightVolume(
                 self._compute,
                 frame,
