@@ -24,6 +24,18 @@ def group(name: str = "key", count: int = 1) -> vs.LightGroup:
     return vs.LightGroup(name, (vs.Headlight(),) * count)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-200, 1e30])
+@pytest.mark.parametrize("cone_deg", [0.5, 1.0, 60.0])
+def test_a_sharp_cone_is_whole_on_its_axis_at_any_unit(unit, cone_deg):
+    camera = vs.Camera((0, 0, 9), (0, 0, 0), (0, 1, 0))
+    spot = vs.Spot((0, 0, 0), target_mm=(0, 3 * unit, 4 * unit), cone_deg=cone_deg, edge_deg=0)
+    *plane, height = spot.beam(camera)
+    assert np.dot(plane, (0, -0.6, -0.8)) + height >= 1.0
+    tilt = np.radians(cone_deg)  # about x, to the rim
+    rim = np.array([0, -0.6, -0.8]) * np.cos(tilt) + np.array([0, -0.8, 0.6]) * np.sin(tilt)
+    assert np.dot(plane, rim) + height == pytest.approx(0.0, abs=1e-6)
+
+
 def many_groups(count: int, sources: int = 1) -> tuple[vs.LightGroup, ...]:
     return tuple(group(f"g{i}", sources) for i in range(count))
 

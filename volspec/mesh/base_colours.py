@@ -42,7 +42,7 @@ class BaseColours:
     factors: Array
     """(G, 3), of materials."""
     textures: Sequence[Texture | None]
-    """Of the materials."""
+    """Base colours of the materials as pictures; None where there is no picture."""
     number: NDArray[np.intp]
     """(T,): the triangles' materials."""
     linear: Array | None = None

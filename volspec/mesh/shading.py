@@ -148,11 +148,9 @@ class Lighting:
 
         radius = source.radius_mm
 
-        def fraction(points: Array, *counts: int) -> Array:
-            visible = [
-                self.clear(points, lamp) for lamp in lamp_points(place, radius, points, *counts)
-            ]
-            return np.asarray(np.mean(visible, axis=0))
+        def fraction(points: Array, count: int, rim: int = 0) -> Array:
+            lamps = lamp_points(place, radius, points, count, rim)
+            return np.asarray(sum(self.clear(points, lamp) for lamp in lamps)) / (count + rim)
 
         # Where the rim is seen whole, and some of the disc, so is all of it.
         passed = fraction(points, _RAYS // 2, _RAYS)

@@ -26,8 +26,8 @@ Frame = Literal["world", "camera"]
 # Within this fraction of its falloff distance, a lamp gets no brighter.
 NEAR_LAMP = 0.1
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
-# Difference of cosines over which the sharpest cone ends.
-_SHARPEST = 1e-4
+# Part of a cone's difference of cosines over which the sharpest one ends.
+_SHARPEST = 1e-3
 MAX_GROUPS = 8
 MAX_SOURCES = 16
 MAX_NAME = 64
@@ -103,7 +103,7 @@ class Spot(Point):
     kind: ClassVar = "spot"
     target_mm: Annotated[Vector, Field(examples=[[0, 0, 0]]), Unit("mm")]
     """Point that it is aimed at, in the axes of its position."""
-    cone_deg: Annotated[float, Field(gt=0.0, lt=90.0), Unit("degrees")] = 20.0
+    cone_deg: Annotated[float, Field(ge=0.5, lt=90.0), Unit("degrees")] = 20.0
     """Angle between the axis and the rim of the cone, beyond which it is dark."""
     edge_deg: Annotated[float, Field(ge=0.0, lt=90.0), Unit("degrees")] = 4.0
     """Width of the rim over which its light falls off, inside the cone, at most all of it."""
@@ -119,11 +119,13 @@ class Spot(Point):
         It is 0 at the rim and 1 where the light is whole, in the world's axes; the light follows
         it as a smoothstep.
         """
-        start, end = (camera.place_mm(p, self.frame) for p in (self.position_mm, self.target_mm))
-        axis = (end - start) / np.linalg.norm(end - start)
+        aim = np.subtract(self.target_mm, self.position_mm)
+        aim = aim / np.abs(aim).max()  # lengths of any unit
+        x, y, z = (aim / np.linalg.norm(aim)).tolist()
+        axis = camera.to_world((x, y, z), self.frame)
         inner_deg = max(self.cone_deg - self.edge_deg, 0.0)
         rim, full = np.cos(np.radians([self.cone_deg, inner_deg]))
-        slope = 1.0 / max(full - rim, _SHARPEST)
+        slope = 1.0 / max(full - rim, _SHARPEST * (1.0 - rim))
         x, y, z = (-slope * axis).tolist()
         return x, y, z, float(-slope * rim)
 
@@ -148,7 +150,8 @@ def lamp_points(
     """
     place, points = np.asarray(place_mm, float), np.atleast_2d(np.asarray(towards_mm, float))
     axis = points - place
-    axis = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-30)
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = axis / np.where(length > 0.0, length, 1.0)
     # The world's axis that is most across.
     helper = np.eye(3)[np.abs(axis).argmin(axis=1)]
     right = np.cross(axis, helper)

@@ -327,8 +327,8 @@ def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Visibility) -> NDA
     nodes = grid.positions()
     if layer.kind == "point":
         lamps = layer.lamps_mm(grid)
-        visible = [clear(nodes, np.broadcast_to(lamp, nodes.shape)) for lamp in lamps]
-        return np.asarray(np.mean(visible, axis=0, dtype=np.float64))
+        total = sum(clear(nodes, np.broadcast_to(lamp, nodes.shape)) for lamp in lamps)
+        return np.asarray(total, np.float64) / len(lamps)
     if layer.kind == "directional":
         return clear(nodes, nodes + _far(layer, grid)).astype(np.float64)
     free = [clear(nodes, nodes + layer.radius_mm * vector) for vector in sphere_directions()]
